@@ -1,0 +1,16 @@
+//! Per-pixel alpha_x, alpha_y and tangent-direction maps for anisotropic reflection: generated from recipes, lit in a
+//! software preview, and written for other renderers without changing their meaning.
+//!
+//! The modules stand in the order of the data flow, and each imports only from those above it; `tests/layout.rs` keeps it so.
+
+pub mod error;
+pub mod progress;
+
+pub mod math;
+
+pub mod brdf;
+pub mod mesh;
+
+pub mod map;
+
+pub use error::{Error, Result};

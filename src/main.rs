@@ -1,0 +1,3 @@
+//! anisomap on the command line.
+
+fn main() {}

@@ -1,0 +1,332 @@
+//! The map: per texel the two Ward widths and the direction of the x axis.
+//!
+//! Row 0 is the top of the image, v = 0 the bottom: texel (x, y) has its centre at
+//! u = (x + 0.5) / width, v = 1 - (y + 0.5) / height. Storage is planar f32, because every stage walks whole planes.
+
+mod lobe;
+mod region;
+mod sample;
+
+pub use lobe::SlopeCovariance;
+pub use region::{Rect, Region, RegionMut, Size};
+pub use sample::Footprint;
+
+use crate::error::Result;
+use crate::math::{AXIS_MIN_LENGTH, Axis};
+use serde::{Deserialize, Serialize};
+
+/// The smallest width a map holds and light is computed with; below it f32 lobes overflow.
+pub const ALPHA_MIN: f32 = 1e-3;
+/// The largest width a map holds: a slope width of 1.5 is rougher than any measured surface.
+pub const ALPHA_MAX: f32 = 1.5;
+/// What a texel that cannot be read becomes: isotropic, of middling gloss.
+pub const DEFAULT_TEXEL: Texel = Texel {
+    alpha_x: 0.2,
+    alpha_y: 0.2,
+    axis: Axis::U,
+};
+
+/// One texel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Texel {
+    /// Ward slope width along the x axis, in [`ALPHA_MIN`] ..= [`ALPHA_MAX`].
+    pub alpha_x: f32,
+    /// Ward slope width across the x axis, same range.
+    pub alpha_y: f32,
+    /// The x axis.
+    pub axis: Axis,
+}
+
+impl Texel {
+    /// The axis along the grooves: the one with the smaller width.
+    pub fn groove(self) -> Axis {
+        if self.alpha_x <= self.alpha_y {
+            self.axis
+        } else {
+            self.axis.perpendicular()
+        }
+    }
+
+    /// Larger width over smaller, at least 1.
+    pub fn ratio(self) -> f32 {
+        self.alpha_x.max(self.alpha_y) / self.alpha_x.min(self.alpha_y)
+    }
+}
+
+/// What lies beyond the map's edge.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Wrap {
+    /// The map again, in both directions.
+    #[default]
+    Repeat,
+    /// The map again to the left and right; the edge texels above and below. A cylinder's side.
+    RepeatU,
+    /// The edge texels.
+    Clamp,
+}
+
+impl Wrap {
+    /// Whether the map repeats along u.
+    pub fn repeats_u(self) -> bool {
+        self != Self::Clamp
+    }
+
+    /// Whether the map repeats along v.
+    pub fn repeats_v(self) -> bool {
+        self == Self::Repeat
+    }
+
+    /// The column of the map that stands at column `x`, which may lie outside.
+    pub fn column(self, x: i64, width: u32) -> u32 {
+        fold(x, width, self.repeats_u())
+    }
+
+    /// The row of the map that stands at row `y`, which may lie outside.
+    pub fn row(self, y: i64, height: u32) -> u32 {
+        fold(y, height, self.repeats_v())
+    }
+}
+
+fn fold(i: i64, n: u32, repeats: bool) -> u32 {
+    let n = i64::from(n);
+    let folded = if repeats {
+        i.rem_euclid(n)
+    } else {
+        i.clamp(0, n - 1)
+    };
+    u32::try_from(folded).expect("folded into the map")
+}
+
+/// What was mended when numbers from outside entered a map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Mended {
+    /// Texels with a NaN or an infinity, set to [`DEFAULT_TEXEL`] (alphas) or the u axis (direction).
+    pub non_finite: u64,
+    /// Texels with an alpha outside [`ALPHA_MIN`] ..= [`ALPHA_MAX`], clamped to it.
+    pub out_of_range: u64,
+    /// Texels whose axis vector was too short to have a direction, made isotropic with the same area.
+    pub no_direction: u64,
+    /// Texels whose axis vector was not of unit length (by more than 2 %), normalised.
+    pub not_unit: u64,
+}
+
+impl Mended {
+    /// Texels that had to be changed for the map to be usable; `not_unit` alone is ordinary filtering and does not count.
+    pub fn faults(self) -> u64 {
+        self.non_finite + self.out_of_range + self.no_direction
+    }
+
+    /// Both counts together.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            non_finite: self.non_finite + other.non_finite,
+            out_of_range: self.out_of_range + other.out_of_range,
+            no_direction: self.no_direction + other.no_direction,
+            not_unit: self.not_unit + other.not_unit,
+        }
+    }
+}
+
+/// Per texel: alpha_x, alpha_y, and (cos 2θ, sin 2θ) of the x axis, as four planes of f32 in row order, top row first.
+///
+/// Every texel in a map is finite and in range, and every axis is of unit length; [`AnisoMap::from_planes`] sees to it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AnisoMap {
+    region: Region,
+    wrap: Wrap,
+}
+
+impl AnisoMap {
+    /// A map of one texel value.
+    pub fn constant(size: Size, wrap: Wrap, texel: Texel) -> Self {
+        Self {
+            region: Region::constant(size.rect(), texel),
+            wrap,
+        }
+    }
+
+    /// A map from planes `[alpha_x, alpha_y, cos 2θ, sin 2θ]` of width x height numbers each, made safe: see [`Mended`].
+    ///
+    /// # Errors
+    /// When a plane has another length than the size says.
+    pub fn from_planes(size: Size, wrap: Wrap, planes: [Vec<f32>; 4]) -> Result<(Self, Mended)> {
+        let mut region = Region::from_planes(size.rect(), planes)?;
+        let mended = region.sanitise();
+        Ok((Self { region, wrap }, mended))
+    }
+
+    /// Width and height in texels.
+    pub fn size(&self) -> Size {
+        self.region.rect().size()
+    }
+
+    /// Width in texels.
+    pub fn width(&self) -> u32 {
+        self.region.rect().width
+    }
+
+    /// Height in texels.
+    pub fn height(&self) -> u32 {
+        self.region.rect().height
+    }
+
+    /// What lies beyond the edge.
+    pub fn wrap(&self) -> Wrap {
+        self.wrap
+    }
+
+    /// The plane of alpha_x, top row first.
+    pub fn alpha_x(&self) -> &[f32] {
+        &self.region.alpha_x
+    }
+
+    /// The plane of alpha_y.
+    pub fn alpha_y(&self) -> &[f32] {
+        &self.region.alpha_y
+    }
+
+    /// The plane of cos 2θ.
+    pub fn cos2(&self) -> &[f32] {
+        &self.region.cos2
+    }
+
+    /// The plane of sin 2θ.
+    pub fn sin2(&self) -> &[f32] {
+        &self.region.sin2
+    }
+
+    /// The texel at column `x` and row `y`.
+    ///
+    /// # Panics
+    /// Outside the map.
+    pub fn texel(&self, x: u32, y: u32) -> Texel {
+        self.region.texel(self.region.rect().index(x, y))
+    }
+
+    /// The texel of the nth place in row order.
+    ///
+    /// # Panics
+    /// Outside the map.
+    pub fn texel_at(&self, index: usize) -> Texel {
+        self.region.texel(index)
+    }
+
+    /// A writable view of the whole map. Whoever writes keeps alphas in range and axes at unit length.
+    pub fn region_mut(&mut self) -> RegionMut<'_> {
+        self.region.view_mut()
+    }
+
+    /// Writable views of bands of `rows` whole rows each (the last may be lower), top first, to be filled side by side.
+    pub fn bands_mut(&mut self, rows: u32) -> Vec<RegionMut<'_>> {
+        self.region.view_mut().into_bands(rows)
+    }
+
+    /// A copy of a rectangle.
+    ///
+    /// # Panics
+    /// When `rect` reaches outside the map.
+    pub fn region(&self, rect: Rect) -> Region {
+        let mut copy = Region::constant(rect, DEFAULT_TEXEL);
+        copy.copy_from(&self.region);
+        copy
+    }
+
+    /// Copies a rectangle into the map, where the two overlap.
+    pub fn write_region(&mut self, source: &Region) {
+        self.region.copy_from(source);
+    }
+}
+
+/// A blend of two texels as every layer, brush and magnified fetch does it: alphas and double-angle vectors linearly, `t` of
+/// `b` over `a`; where the vectors cancel, isotropic with the same area.
+pub fn blend(a: Texel, b: Texel, t: f32) -> Texel {
+    let mix = |p: f32, q: f32| p + (q - p) * t;
+    let v = a.axis.double_angle().lerp(b.axis.double_angle(), t);
+    let (alpha_x, alpha_y) = (mix(a.alpha_x, b.alpha_x), mix(a.alpha_y, b.alpha_y));
+    settle(alpha_x, alpha_y, v.x, v.y)
+}
+
+/// Ends a blend: normalises the double angle, or makes the texel isotropic with the same area where its length fell under
+/// [`AXIS_MIN_LENGTH`].
+pub fn settle(alpha_x: f32, alpha_y: f32, cos2: f32, sin2: f32) -> Texel {
+    let length = (cos2 * cos2 + sin2 * sin2).sqrt();
+    if length >= AXIS_MIN_LENGTH {
+        Texel {
+            alpha_x,
+            alpha_y,
+            axis: Axis {
+                cos2: cos2 / length,
+                sin2: sin2 / length,
+            },
+        }
+    } else {
+        let alpha = (alpha_x * alpha_y).sqrt();
+        Texel {
+            alpha_x: alpha,
+            alpha_y: alpha,
+            axis: Axis::U,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_enters_a_map_is_mended_and_counted() {
+        let size = Size::new(3, 2).unwrap();
+        let planes = [
+            vec![f32::NAN, 0.0, 9.0, 0.1, 0.1, 0.1],
+            vec![0.1, 0.1, 0.1, 0.4, 0.1, 0.1],
+            vec![1.0, 1.0, 1.0, 0.0, 2.0, f32::INFINITY],
+            vec![0.0; 6],
+        ];
+        let (map, mended) = AnisoMap::from_planes(size, Wrap::Repeat, planes).unwrap();
+        assert_eq!(
+            mended,
+            Mended {
+                non_finite: 2,
+                out_of_range: 2,
+                no_direction: 1,
+                not_unit: 1
+            }
+        );
+        assert_eq!(map.texel(0, 0).alpha_x, DEFAULT_TEXEL.alpha_x);
+        assert_eq!(map.texel(1, 0).alpha_x, ALPHA_MIN);
+        assert_eq!(map.texel(2, 0).alpha_x, ALPHA_MAX);
+        assert!(
+            (map.texel(0, 1).alpha_x - 0.2).abs() < 1e-6,
+            "the same area: sqrt(0.1 * 0.4)"
+        );
+        assert_eq!(map.texel(1, 1).axis, Axis::U);
+        let short =
+            AnisoMap::from_planes(size, Wrap::Repeat, [vec![0.1; 5], vec![], vec![], vec![]]);
+        assert!(short.is_err());
+    }
+
+    #[test]
+    fn blend_knows_no_wrap_and_goes_isotropic_where_lines_cross() {
+        let at = |degrees| Texel {
+            alpha_x: 0.1,
+            alpha_y: 0.4,
+            axis: Axis::from_degrees(degrees),
+        };
+        let mid = blend(at(1.0), at(179.0), 0.5);
+        assert!(mid.axis.angle_to(Axis::U).to_degrees() < 1e-3);
+        assert!((mid.alpha_x - 0.1).abs() < 1e-6);
+        let crossed = blend(at(0.0), at(90.0), 0.5);
+        assert!((crossed.alpha_x - 0.2).abs() < 1e-6 && (crossed.alpha_y - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn wrap_folds_columns_and_rows() {
+        assert_eq!(Wrap::Repeat.column(-1, 4), 3);
+        assert_eq!(Wrap::Repeat.row(5, 4), 1);
+        assert_eq!(Wrap::RepeatU.row(5, 4), 3);
+        assert_eq!(Wrap::Clamp.column(-7, 4), 0);
+        assert_eq!(Wrap::Repeat.column(i64::from(u32::MAX) * 4, 1), 0);
+    }
+}
