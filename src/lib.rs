@@ -13,4 +13,6 @@ pub mod mesh;
 
 pub mod map;
 
+pub mod pattern;
+
 pub use error::{Error, Result};
