@@ -13,6 +13,7 @@ pub mod mesh;
 
 pub mod map;
 
+pub mod coverage;
 pub mod pattern;
 
 pub use error::{Error, Result};

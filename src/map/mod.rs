@@ -8,7 +8,7 @@ mod region;
 mod sample;
 
 pub use lobe::SlopeCovariance;
-pub use region::{Rect, Region, RegionMut, Size};
+pub use region::{Rect, Region, RegionMut, SIDE_MAX, Size, TEXELS_MAX};
 pub use sample::Footprint;
 
 use crate::error::Result;

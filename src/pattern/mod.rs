@@ -6,9 +6,20 @@
 //! the whole would. Structure finer than a texel is not sampled: its mean goes into the alphas (as slope variance), so a
 //! map of any size has the same lobes.
 
+mod brushed;
 mod constant;
+mod grooves;
+mod lattice;
+mod radial;
+mod scratches;
+mod weave;
 
+pub use brushed::Brushed;
 pub use constant::Constant;
+pub use grooves::Grooves;
+pub use radial::{Radial, RadialStyle};
+pub use scratches::Scratches;
+pub use weave::{Thread, Weave, WeaveStyle};
 
 use crate::error::{Error, Result};
 use crate::map::{RegionMut, Size, Wrap};
@@ -114,16 +125,28 @@ impl Parameter {
 pub enum Pattern {
     /// One texel everywhere.
     Constant(Constant),
+    /// Straight brushing.
+    Brushed(Brushed),
+    /// Rings, spokes or a spiral.
+    Radial(Radial),
+    /// Single strokes.
+    Scratches(Scratches),
+    /// Woven cloth.
+    Weave(Weave),
 }
 
 impl Pattern {
     /// The names, as recipes write them.
-    pub const NAMES: [&str; 1] = ["constant"];
+    pub const NAMES: [&str; 5] = ["constant", "brushed", "radial", "scratches", "weave"];
 
     /// The name of its table in a recipe.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Constant(_) => "constant",
+            Self::Brushed(_) => "brushed",
+            Self::Radial(_) => "radial",
+            Self::Scratches(_) => "scratches",
+            Self::Weave(_) => "weave",
         }
     }
 
@@ -131,6 +154,10 @@ impl Pattern {
     pub fn parameters(&self) -> &'static [Parameter] {
         match self {
             Self::Constant(_) => Constant::PARAMETERS,
+            Self::Brushed(_) => Brushed::PARAMETERS,
+            Self::Radial(_) => Radial::PARAMETERS,
+            Self::Scratches(_) => Scratches::PARAMETERS,
+            Self::Weave(_) => Weave::PARAMETERS,
         }
     }
 
@@ -141,6 +168,10 @@ impl Pattern {
     pub fn validate(&self) -> Result<()> {
         match self {
             Self::Constant(p) => check(p, Constant::PARAMETERS),
+            Self::Brushed(p) => check(p, Brushed::PARAMETERS),
+            Self::Radial(p) => check(p, Radial::PARAMETERS),
+            Self::Scratches(p) => check(p, Scratches::PARAMETERS),
+            Self::Weave(p) => check(p, Weave::PARAMETERS),
         }
     }
 
@@ -152,6 +183,10 @@ impl Pattern {
         self.validate()?;
         Ok(match self {
             Self::Constant(p) => Box::new(p.prepare(surface)),
+            Self::Brushed(p) => Box::new(p.prepare(surface)),
+            Self::Radial(p) => Box::new(p.prepare(surface)),
+            Self::Scratches(p) => Box::new(p.prepare(surface)),
+            Self::Weave(p) => Box::new(p.prepare(surface)),
         })
     }
 }
@@ -198,6 +233,7 @@ fn check_value(value: &toml::Value, parameter: &Parameter) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::map::{AnisoMap, DEFAULT_TEXEL, Mended, Region, SlopeCovariance, Texel};
 
     #[test]
     fn every_parameter_of_every_pattern_exists_and_its_default_is_allowed() {
@@ -225,5 +261,191 @@ mod tests {
             .iter()
             .map(|name| toml::from_str(&format!("[{name}]")).unwrap())
             .collect()
+    }
+
+    /// The whole map, its coverage and its values, filled in pieces of `side` texels.
+    pub(super) fn filled(
+        pattern: &Pattern,
+        surface: &Surface,
+        side: u32,
+    ) -> (AnisoMap, Vec<f32>, Vec<f32>) {
+        let prepared = pattern.prepare(surface).unwrap();
+        let whole = surface.size.rect();
+        let mut map = AnisoMap::constant(surface.size, surface.wrap, DEFAULT_TEXEL);
+        let (mut coverage, mut value) = (vec![0.0; whole.texels()], vec![0.0; whole.texels()]);
+        for rect in whole.tiles(side) {
+            let mut region = Region::constant(rect, DEFAULT_TEXEL);
+            let (mut c, mut v) = (vec![f32::NAN; rect.texels()], vec![f32::NAN; rect.texels()]);
+            prepared.fill(&mut Patch {
+                region: region.view_mut(),
+                coverage: &mut c,
+                value: &mut v,
+            });
+            map.write_region(&region);
+            for y in rect.y..rect.y + rect.height {
+                let (to, from, n) = (
+                    whole.index(rect.x, y),
+                    rect.index(rect.x, y),
+                    rect.width as usize,
+                );
+                coverage[to..to + n].copy_from_slice(&c[from..from + n]);
+                value[to..to + n].copy_from_slice(&v[from..from + n]);
+            }
+        }
+        (map, coverage, value)
+    }
+
+    fn surface(width: u32, height: u32, wrap: Wrap) -> Surface {
+        Surface {
+            size: Size::new(width, height).unwrap(),
+            aspect: width as f32 / height as f32,
+            wrap,
+            seed: 5,
+        }
+    }
+
+    #[test]
+    fn pieces_equal_the_whole_and_stay_in_range() {
+        for pattern in all() {
+            for (width, height, wrap) in [
+                (150, 130, Wrap::Repeat),
+                (97, 64, Wrap::Clamp),
+                (1, 1, Wrap::RepeatU),
+            ] {
+                let surface = surface(width, height, wrap);
+                let whole = filled(&pattern, &surface, 4096);
+                assert_eq!(
+                    whole,
+                    filled(&pattern, &surface, 64),
+                    "{} {wrap:?}",
+                    pattern.name()
+                );
+                let (map, coverage, value) = whole;
+                assert!(
+                    coverage
+                        .iter()
+                        .chain(&value)
+                        .all(|x| (0.0..=1.0).contains(x)),
+                    "{}",
+                    pattern.name()
+                );
+                let planes =
+                    [map.alpha_x(), map.alpha_y(), map.cos2(), map.sin2()].map(<[f32]>::to_vec);
+                let (_, mended) = AnisoMap::from_planes(surface.size, wrap, planes).unwrap();
+                assert_eq!(mended, Mended::default(), "{}", pattern.name());
+            }
+        }
+    }
+
+    #[test]
+    fn another_seed_gives_another_map_and_the_same_seed_the_same() {
+        for pattern in all()
+            .into_iter()
+            .filter(|p| !matches!(p, Pattern::Constant(_)))
+        {
+            let one = surface(128, 128, Wrap::Repeat);
+            let a = filled(&pattern, &one, 4096);
+            assert_eq!(a, filled(&pattern, &one, 4096));
+            assert_ne!(
+                a,
+                filled(&pattern, &Surface { seed: 6, ..one }, 4096),
+                "{}",
+                pattern.name()
+            );
+        }
+    }
+
+    /// The error at the median and at the 95th percentile.
+    fn median(mut errors: Vec<f32>) -> (f32, f32) {
+        errors.sort_by(f32::total_cmp);
+        (errors[errors.len() / 2], errors[errors.len() * 95 / 100])
+    }
+
+    #[test]
+    fn a_large_map_filtered_down_is_the_small_map() {
+        for pattern in all() {
+            let (large, large_coverage, _) =
+                filled(&pattern, &surface(2048, 2048, Wrap::Repeat), 4096);
+            let (small, small_coverage, _) =
+                filled(&pattern, &surface(512, 512, Wrap::Repeat), 4096);
+            let (mut alpha, mut degrees) = (Vec::new(), Vec::new());
+            for i in 0..512 * 512usize {
+                let (x, y) = (i % 512 * 4, i / 512 * 4);
+                let places = (0..16).map(|k| (y + k / 4) * 2048 + x + k % 4);
+                let coverage: f32 = places.clone().map(|p| large_coverage[p]).sum::<f32>() / 16.0;
+                assert!(
+                    (coverage - small_coverage[i]).abs() < 0.35,
+                    "{}: coverage at {i}",
+                    pattern.name()
+                );
+                if coverage < 0.05 || small_coverage[i] < 0.05 {
+                    continue;
+                }
+                let mut mean = SlopeCovariance::default();
+                for p in places {
+                    mean += SlopeCovariance::from(large.texel_at(p))
+                        * (large_coverage[p] / (16.0 * coverage));
+                }
+                let got = small.texel_at(i);
+                let want = mean.to_texel(got.alpha_x > got.alpha_y, got.axis);
+                alpha.push(
+                    (got.alpha_x / want.alpha_x - 1.0)
+                        .abs()
+                        .max((got.alpha_y / want.alpha_y - 1.0).abs()),
+                );
+                degrees.push(got.axis.angle_to(want.axis).to_degrees());
+            }
+            let ((alpha_median, alpha_95), (angle_median, angle_95)) =
+                (median(alpha), median(degrees));
+            println!(
+                "{}: alpha {alpha_median} (95 %: {alpha_95}), angle {angle_median} (95 %: {angle_95})",
+                pattern.name()
+            );
+            assert!(
+                alpha_median < 0.05,
+                "{}: alpha {alpha_median}",
+                pattern.name()
+            );
+            assert!(
+                angle_median < 2.0,
+                "{}: angle {angle_median}",
+                pattern.name()
+            );
+        }
+    }
+
+    #[test]
+    fn nothing_shows_at_the_edges_of_a_surface_that_repeats() {
+        for pattern in all() {
+            let n = 256;
+            let (map, ..) = filled(&pattern, &surface(n, n, Wrap::Repeat), 4096);
+            if matches!(pattern, Pattern::Radial(_)) {
+                continue; // a disc has a border, and a pot's islands have theirs
+            }
+            let step = |a: Texel, b: Texel| {
+                f64::from((a.alpha_y / b.alpha_y).ln().abs() + a.axis.angle_to(b.axis))
+            };
+            let columns = |x: u32| {
+                (0..n)
+                    .map(|y| step(map.texel(x, y), map.texel((x + 1) % n, y)))
+                    .sum::<f64>()
+            };
+            let rows = |y: u32| {
+                (0..n)
+                    .map(|x| step(map.texel(x, y), map.texel(x, (y + 1) % n)))
+                    .sum::<f64>()
+            };
+            let worst = |f: &dyn Fn(u32) -> f64| (0..n - 1).map(f).fold(0.0, f64::max);
+            assert!(
+                columns(n - 1) <= 1.3 * worst(&columns) + 1e-3,
+                "{}: seam along v",
+                pattern.name()
+            );
+            assert!(
+                rows(n - 1) <= 1.3 * worst(&rows) + 1e-3,
+                "{}: seam along u",
+                pattern.name()
+            );
+        }
     }
 }
