@@ -3,7 +3,42 @@
 //! World is y up, right-handed; front faces wind counter-clockwise seen from outside. v of a texture coordinate runs up, as
 //! in OBJ; glTF's is flipped on load and save.
 
+pub mod cylinder;
+mod disc;
+mod gltf;
+mod grid;
+mod islands;
+mod obj;
+mod plane;
+pub mod pot;
+mod raw;
+mod sphere;
+mod tangents;
+pub mod torus;
+
+pub use cylinder::cylinder;
+pub use disc::disc;
+pub use islands::Islands;
+pub use plane::plane;
+pub use pot::pot;
+pub use sphere::sphere;
+pub use torus::torus;
+
+use crate::error::{Error, Result, nearest_word};
 use glam::{Vec2, Vec3, Vec4};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// The built-in shapes, as `--mesh` names them.
+pub const BUILTIN_NAMES: [&str; 6] = ["torus", "pot", "sphere", "plane", "cylinder", "disc"];
+
+/// Largest file that is read, in bytes: 2 GiB.
+pub const MAX_FILE_BYTES: u64 = 1 << 31;
+
+/// Most triangles of a mesh from a file, instances counted. With three vertices each they and their tangents take about
+/// 6 GB at the peak.
+pub const MAX_TRIANGLES: usize = 10_000_000;
 
 /// An indexed triangle mesh. All vertex arrays have one length; every index is inside them.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,3 +59,208 @@ pub struct Mesh {
     /// The surface's width over its height for one turn of UV: what a recipe's `aspect` should be on this mesh.
     pub aspect: f32,
 }
+
+/// How far a stored unit vector may be from length 1, and a tangent from the normal's plane.
+const UNIT_TOLERANCE: f32 = 1e-3;
+
+impl Mesh {
+    /// Checks what every user of a mesh relies on: arrays of one length, indices inside them, finite numbers, unit normals,
+    /// tangents of unit length at right angles to them (or zero) with w = +1 or -1, a positive aspect.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the first thing that is wrong.
+    pub fn validate(&self) -> Result<()> {
+        let wrong = |what: String, value: String, allowed: &str| {
+            Err(Error::invalid(
+                format!("{what} of mesh {}", self.name),
+                value,
+                format!("allowed: {allowed}"),
+            ))
+        };
+        let count = self.positions.len();
+        let lengths = [self.normals.len(), self.tangents.len(), self.uvs.len()];
+        if self.triangles.is_empty() || lengths.iter().any(|l| *l != count) {
+            return wrong(
+                "array lengths (position, normal, tangent, uv, triangle)".to_owned(),
+                format!("{count}, {lengths:?}, {}", self.triangles.len()),
+                "the first four equal, and at least one triangle",
+            );
+        }
+        if !(self.aspect.is_finite() && self.aspect > 0.0) {
+            return wrong("aspect".to_owned(), self.aspect.to_string(), "above 0");
+        }
+        for (i, t) in self.triangles.iter().enumerate() {
+            if t.iter().any(|v| *v as usize >= count) {
+                return wrong(
+                    format!("triangle {i}"),
+                    format!("{t:?}"),
+                    &format!("0 to {}", count.saturating_sub(1)),
+                );
+            }
+        }
+        for i in 0..count {
+            if let Some((what, value, allowed)) = self.vertex_fault(i) {
+                return wrong(format!("{what} {i}"), value, allowed);
+            }
+        }
+        Ok(())
+    }
+
+    /// What is wrong with a vertex: which number, its value, what is allowed.
+    fn vertex_fault(&self, i: usize) -> Option<(&'static str, String, &'static str)> {
+        let (p, n, t, uv) = (
+            self.positions[i],
+            self.normals[i],
+            self.tangents[i],
+            self.uvs[i],
+        );
+        let unit = |length: f32| (length - 1.0).abs() <= UNIT_TOLERANCE;
+        let along = t.truncate();
+        if !p.is_finite() {
+            Some(("position", p.to_string(), "finite numbers"))
+        } else if !uv.is_finite() {
+            Some(("uv", uv.to_string(), "finite numbers"))
+        } else if !unit(n.length()) {
+            Some(("normal", n.to_string(), "unit vectors"))
+        } else if along != Vec3::ZERO
+            && (!unit(along.length()) || along.dot(n).abs() > UNIT_TOLERANCE)
+            || t.w.abs() != 1.0
+        {
+            Some((
+                "tangent",
+                t.to_string(),
+                "unit vectors at right angles to the normal, or zero, with w = 1 or -1",
+            ))
+        } else {
+            None
+        }
+    }
+
+    /// The middle of the bounding box and the radius around it that holds every position; zeros for a mesh without any.
+    pub fn bounding_sphere(&self) -> (Vec3, f32) {
+        let Some(&first) = self.positions.first() else {
+            return (Vec3::ZERO, 0.0);
+        };
+        let (low, high) = self
+            .positions
+            .iter()
+            .fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
+        let centre = 0.5 * (low + high);
+        let radius = self
+            .positions
+            .iter()
+            .fold(0.0f32, |r, p| r.max(p.distance(centre)));
+        (centre, radius)
+    }
+
+    /// The three positions of a triangle.
+    fn corners(&self, triangle: [u32; 3]) -> [Vec3; 3] {
+        triangle.map(|i| self.positions[i as usize])
+    }
+
+    /// The three texture coordinates of a triangle.
+    fn corner_uvs(&self, triangle: [u32; 3]) -> [Vec2; 3] {
+        triangle.map(|i| self.uvs[i as usize])
+    }
+}
+
+/// (dP/du, dP/dv) of a triangle; `None` where its texture coordinates span no area.
+fn derivatives(p: [Vec3; 3], uv: [Vec2; 3]) -> Option<(Vec3, Vec3)> {
+    let (a, b) = (uv[1] - uv[0], uv[2] - uv[0]);
+    let area = a.perp_dot(b);
+    // Relative to its sides: below this the area is made of rounding errors.
+    if area.abs() <= 1e-6 * a.length() * b.length() || area.abs() < f32::MIN_POSITIVE {
+        return None;
+    }
+    let (e, f) = (p[1] - p[0], p[2] - p[0]);
+    Some(((e * b.y - f * a.y) / area, (f * a.x - e * b.x) / area))
+}
+
+/// A built-in shape; `None` for a name that is not in [`BUILTIN_NAMES`].
+pub fn builtin(name: &str) -> Option<Mesh> {
+    match name {
+        "torus" => Some(torus()),
+        "pot" => Some(pot()),
+        "sphere" => Some(sphere()),
+        "plane" => Some(plane()),
+        "cylinder" => Some(cylinder()),
+        "disc" => Some(disc()),
+        _ => None,
+    }
+}
+
+/// A built-in shape by name or a mesh by path; a path is anything with a slash, a backslash or a dot.
+///
+/// # Errors
+/// [`Error::Invalid`] for a name that is no shape, and those of [`load`].
+pub fn open(word: &str) -> Result<Mesh> {
+    if word.contains(['/', '\\', '.']) {
+        return load(Path::new(word));
+    }
+    builtin(word).ok_or_else(|| {
+        let known = format!("allowed: {}, or a path", BUILTIN_NAMES.join(", "));
+        let error = Error::invalid("--mesh", format!("`{word}`"), known);
+        match nearest_word(word, BUILTIN_NAMES) {
+            Some(near) => error.with_hint(format!("Did you mean `{near}`?")),
+            None => error.with_hint(format!("A file of that name is `./{word}`")),
+        }
+    })
+}
+
+/// Reads a mesh from a .glb, .gltf or .obj file: all triangles of its default scene, merged. Normals and tangents that the
+/// file leaves out are made; `aspect` is measured from its layout.
+///
+/// # Errors
+/// [`Error::Read`] when the file or a buffer beside it is not there, [`Error::File`] when its content cannot be used: it is
+/// damaged, names things that it does not hold, has no triangles or no texture coordinates, or is larger than
+/// [`MAX_FILE_BYTES`] or [`MAX_TRIANGLES`] allow.
+pub fn load(path: &Path) -> Result<Mesh> {
+    let extension = path
+        .extension()
+        .map(|e| e.to_string_lossy().to_ascii_lowercase());
+    let parse: fn(&Path, &[u8]) -> Result<Mesh> = match extension.as_deref() {
+        Some("glb" | "gltf") => gltf::parse,
+        Some("obj") => obj::parse,
+        _ => {
+            return Err(Error::file(path, "not a mesh file by its name")
+                .with_hint("Meshes are read from .glb, .gltf and .obj files"));
+        }
+    };
+    let mut mesh = parse(path, &read_limited(path, MAX_FILE_BYTES)?)?;
+    mesh.name = path
+        .file_stem()
+        .map(|s| s.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    Ok(mesh)
+}
+
+/// A regular file of at most `limit` bytes.
+fn read_limited(path: &Path, limit: u64) -> Result<Vec<u8>> {
+    // The kind is asked first: opening a named pipe would wait for a writer.
+    let about = std::fs::metadata(path).map_err(Error::read(path))?;
+    if !about.is_file() {
+        let kind = if about.is_dir() {
+            "a folder"
+        } else {
+            "no regular file"
+        };
+        return Err(Error::file(
+            path,
+            format!("is {kind}; a mesh file is expected"),
+        ));
+    }
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(limit + 1).read_to_end(&mut bytes))
+        .map_err(Error::read(path))?;
+    if bytes.len() as u64 > limit {
+        return Err(Error::file(
+            path,
+            format!("is larger than the {limit} bytes that are read"),
+        ));
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,191 @@
+//! Wavefront OBJ: polygons with texture coordinates, v up as ours. Objects and groups are merged; materials, lines, points
+//! and curves are left alone.
+//!
+//! A reader of our own because the `tobj` crate multiplies a face's numbers before it checks them: a wild one panics in a
+//! checked build and reads another vertex's coordinates in a release build. This one also names the line.
+
+use super::Mesh;
+use super::gltf::NO_UVS_HINT;
+use super::raw::{MissingNormals, Raw, check_triangle_count};
+use crate::error::{Error, Result};
+use glam::{Mat4, Vec2, Vec3};
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Reads the bytes of an OBJ file; `path` only names it in messages.
+///
+/// # Errors
+/// [`Error::File`], as [`super::load`] says.
+pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
+    let mut reader = Reader::default();
+    for (number, line) in logical_lines(bytes) {
+        reader.line(&line).map_err(|fault| {
+            Error::file(path, format!("line {number}: {}", fault.problem)).with_hint(fault.hint)
+        })?;
+    }
+    let whole = |problem: String| Error::file(path, problem);
+    let mut mesh = Mesh::empty("", 1.0);
+    reader
+        .into_raw()
+        .complete(MissingNormals::Smooth)
+        .and_then(|part| mesh.append(&part, Mat4::IDENTITY))
+        .map_err(whole)?;
+    if mesh.triangles.is_empty() {
+        return Err(whole("it has no faces with an area".to_owned()));
+    }
+    mesh.measure_aspect();
+    Ok(mesh)
+}
+
+/// Lines with the number of their first, joined where one ends in a backslash. Bytes that are no UTF-8 are replaced: they
+/// occur in names and comments.
+fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+    let mut lines = bytes.split(|b| *b == b'\n').enumerate();
+    std::iter::from_fn(move || {
+        let (index, first) = lines.next()?;
+        let mut text = String::from_utf8_lossy(first);
+        while let Some(begun) = text.trim_end().strip_suffix('\\') {
+            let Some((_, next)) = lines.next() else { break };
+            text = Cow::Owned(format!("{begun} {}", String::from_utf8_lossy(next)));
+        }
+        Some((index + 1, text))
+    })
+}
+
+/// What is wrong with a line and what to do about it.
+struct Fault {
+    problem: String,
+    hint: &'static str,
+}
+
+impl From<String> for Fault {
+    fn from(problem: String) -> Self {
+        Self {
+            problem,
+            hint: "Export the mesh again",
+        }
+    }
+}
+
+/// What the lines so far have given.
+#[derive(Default)]
+struct Reader {
+    positions: Vec<Vec3>,
+    uvs: Vec<Vec2>,
+    normals: Vec<Vec3>,
+    /// Vertices in the order of their first use: numbers of position, texture coordinates and normal.
+    vertices: Vec<Corner>,
+    numbers: HashMap<Corner, u32>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// Indices of a position, texture coordinates and, where the face has one, a normal.
+type Corner = (usize, usize, Option<usize>);
+
+impl Reader {
+    fn line(&mut self, line: &str) -> Result<(), Fault> {
+        let line = line.split('#').next().unwrap_or_default();
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => self
+                .positions
+                .push(Vec3::from(coordinates::<3>("v", words)?)),
+            Some("vn") => self
+                .normals
+                .push(Vec3::from(coordinates::<3>("vn", words)?)),
+            // A one-dimensional texture has no second number.
+            Some("vt") => self.uvs.push(match words.clone().count() {
+                1 => Vec2::new(coordinates::<1>("vt", words)?[0], 0.0),
+                _ => Vec2::from(coordinates::<2>("vt", words)?),
+            }),
+            Some("f") => self.face(words)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// A polygon, cut into triangles that meet in its first corner.
+    fn face<'a>(&mut self, words: impl Iterator<Item = &'a str>) -> Result<(), Fault> {
+        let mut corners = Vec::new();
+        for word in words {
+            corners.push(self.corner(word)?);
+        }
+        if corners.len() < 3 {
+            return Err(format!("a face of {} corners; allowed: 3 or more", corners.len()).into());
+        }
+        for pair in corners[1..].windows(2) {
+            self.triangles.push([corners[0], pair[0], pair[1]]);
+        }
+        Ok(check_triangle_count(self.triangles.len())?)
+    }
+
+    /// The vertex that `position/uv/normal` means.
+    fn corner(&mut self, word: &str) -> Result<u32, Fault> {
+        let mut parts = word.split('/');
+        let mut part = |count: usize, what: &str| {
+            let text = parts.next().filter(|t| !t.is_empty());
+            text.map(|t| index(t, count, what)).transpose()
+        };
+        let position = part(self.positions.len(), "position (`v`)")?;
+        let uv = part(self.uvs.len(), "texture coordinates (`vt`)")?;
+        let normal = part(self.normals.len(), "normal (`vn`)")?;
+        let position = position.ok_or_else(|| format!("`{word}` names no position"))?;
+        let uv = uv.ok_or_else(|| Fault {
+            problem: "the face has no texture coordinates (`vt`), so no map can be placed on it"
+                .to_owned(),
+            hint: NO_UVS_HINT,
+        })?;
+        let corner = (position, uv, normal);
+        Ok(*self.numbers.entry(corner).or_insert_with(|| {
+            self.vertices.push(corner);
+            self.vertices.len() as u32 - 1
+        }))
+    }
+
+    fn into_raw(self) -> Raw {
+        let normal = |n: Option<usize>| n.map_or(Vec3::ZERO, |n| self.normals[n]);
+        Raw {
+            positions: self.vertices.iter().map(|v| self.positions[v.0]).collect(),
+            uvs: self.vertices.iter().map(|v| self.uvs[v.1]).collect(),
+            normals: self.vertices.iter().map(|v| normal(v.2)).collect(),
+            tangents: Vec::new(),
+            triangles: self.triangles,
+        }
+    }
+}
+
+/// The first N numbers of a line; further ones (a weight, a colour) are not read.
+fn coordinates<'a, const N: usize>(
+    what: &str,
+    mut words: impl Iterator<Item = &'a str>,
+) -> Result<[f32; N], String> {
+    let mut numbers = [0.0; N];
+    for number in &mut numbers {
+        let word = words
+            .next()
+            .ok_or_else(|| format!("`{what}` needs {N} numbers"))?;
+        let value: Option<f32> = word.parse().ok();
+        *number = value
+            .filter(|x| x.is_finite())
+            .ok_or_else(|| format!("`{what}`: `{word}` is no finite number"))?;
+    }
+    Ok(numbers)
+}
+
+/// An index into `count` things so far, counted from 1, or backward from -1.
+fn index(text: &str, count: usize, what: &str) -> Result<usize, String> {
+    let number: i64 = text
+        .parse()
+        .map_err(|_| format!("`{text}` is no whole number"))?;
+    let at = if number < 0 {
+        i64::try_from(count)
+            .ok()
+            .and_then(|c| c.checked_add(number))
+    } else {
+        number.checked_sub(1)
+    };
+    at.and_then(|at| usize::try_from(at).ok())
+        .filter(|at| *at < count)
+        .ok_or_else(|| format!("the face names {what} {number}, but there are {count} so far"))
+}

@@ -1,0 +1,244 @@
+//! What a file gives, and how it becomes a whole mesh: unusable triangles out, missing normals and tangents made.
+
+use super::{MAX_TRIANGLES, Mesh, derivatives, tangents};
+use crate::math;
+use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
+use std::collections::HashMap;
+
+/// Largest coordinate of a position: areas and lengths of it stay far from the end of f32.
+const MAX_COORDINATE: f32 = 1e9;
+/// Largest texture coordinate; beyond it f32 no longer tells texels of one turn apart.
+const MAX_UV: f32 = 1e5;
+
+/// Normals that a file leaves out.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum MissingNormals {
+    /// One for each triangle, as glTF 2.0 section 3.7.2.1 demands.
+    Flat,
+    /// At each position the mean of its triangles' normals, weighted by their angles there (Thürmer and Wüthrich 1998): the
+    /// same however the faces are cut into triangles.
+    Smooth,
+}
+
+/// Triangles as a file gives them; indices already checked against the vertices.
+pub(super) struct Raw {
+    pub(super) positions: Vec<Vec3>,
+    pub(super) uvs: Vec<Vec2>,
+    /// Empty, or one a vertex.
+    pub(super) normals: Vec<Vec3>,
+    /// Empty, or one a vertex.
+    pub(super) tangents: Vec<Vec4>,
+    pub(super) triangles: Vec<[u32; 3]>,
+}
+
+impl Raw {
+    /// A mesh without a name that keeps what [`Mesh::validate`] asks for, except that it may be empty.
+    ///
+    /// # Errors
+    /// What is wrong with the numbers, as a clause.
+    pub(super) fn complete(mut self, missing: MissingNormals) -> Result<Mesh, String> {
+        self.check()?;
+        self.drop_empty_triangles();
+        if self.normals.is_empty() && missing == MissingNormals::Flat {
+            self.make_flat();
+        } else {
+            self.make_smooth();
+        }
+        let given = std::mem::take(&mut self.tangents);
+        let mut mesh = Mesh {
+            positions: self.positions,
+            normals: self.normals,
+            tangents: given,
+            uvs: self.uvs,
+            triangles: self.triangles,
+            ..Mesh::empty("", 1.0)
+        };
+        if mesh.tangents.is_empty() {
+            tangents::generate(&mut mesh)?;
+        } else {
+            tangents::tidy(&mut mesh);
+        }
+        Ok(mesh)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let far = |x: f32, limit: f32| !x.is_finite() || x.abs() > limit;
+        if let Some(i) = self
+            .positions
+            .iter()
+            .position(|p| p.to_array().iter().any(|x| far(*x, MAX_COORDINATE)))
+        {
+            let p = self.positions[i];
+            return Err(format!(
+                "vertex {i} lies at {p}; allowed: finite numbers up to {MAX_COORDINATE:e}"
+            ));
+        }
+        if let Some(i) = self
+            .uvs
+            .iter()
+            .position(|uv| uv.to_array().iter().any(|x| far(*x, MAX_UV)))
+        {
+            let uv = self.uvs[i];
+            return Err(format!(
+                "vertex {i} has the texture coordinates {uv}; allowed: finite numbers up to {MAX_UV:e}"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Leaves out triangles two corners of which are at one place: they cover nothing, and the tangent generator's time grows
+    /// with the square of their number.
+    fn drop_empty_triangles(&mut self) {
+        let positions = &self.positions;
+        self.triangles.retain(|t| {
+            let [a, b, c] = t.map(|i| positions[i as usize]);
+            a != b && b != c && c != a
+        });
+    }
+
+    /// Gives every triangle vertices and a normal of its own. Tangents of the file are dropped with the shared vertices, as
+    /// glTF 2.0 demands.
+    fn make_flat(&mut self) {
+        let corners: Vec<u32> = self.triangles.as_flattened().to_vec();
+        let normals = self.triangles.iter().flat_map(|t| {
+            let n = direction(area_vector(t.map(|i| self.positions[i as usize])));
+            [n; 3]
+        });
+        self.normals = normals.collect();
+        self.positions = pick(&self.positions, &corners);
+        self.uvs = pick(&self.uvs, &corners);
+        self.tangents.clear();
+        self.triangles = (0..corners.len() as u32 / 3)
+            .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
+            .collect();
+    }
+
+    /// Normalises the file's normals and makes those that are missing or have no direction.
+    fn make_smooth(&mut self) {
+        let usable = |n: &Vec3| n.is_finite() && n.try_normalize().is_some();
+        if self.normals.is_empty() || !self.normals.iter().all(usable) {
+            let made = self.smooth_normals();
+            self.normals.resize(made.len(), Vec3::ZERO);
+            for (normal, made) in self.normals.iter_mut().zip(made) {
+                if !usable(normal) {
+                    *normal = made;
+                }
+            }
+        }
+        for normal in &mut self.normals {
+            *normal = direction(*normal);
+        }
+    }
+
+    fn smooth_normals(&self) -> Vec<Vec3> {
+        let key = |p: Vec3| p.to_array().map(|x| (x + 0.0).to_bits());
+        let mut sums: HashMap<[u32; 3], Vec3> = HashMap::with_capacity(self.positions.len());
+        for triangle in &self.triangles {
+            let corners = triangle.map(|i| self.positions[i as usize]);
+            let normal = area_vector(corners).normalize_or_zero();
+            for k in 0..3 {
+                let [at, next, last] = [0, 1, 2].map(|i| corners[(k + i) % 3]);
+                let (a, b) = (next - at, last - at);
+                let angle = math::atan2(a.cross(b).length(), a.dot(b));
+                *sums.entry(key(at)).or_default() += normal * angle;
+            }
+        }
+        self.positions
+            .iter()
+            .map(|p| sums.get(&key(*p)).copied().unwrap_or_default())
+            .collect()
+    }
+}
+
+/// Normal of a triangle, as long as twice its area.
+fn area_vector([a, b, c]: [Vec3; 3]) -> Vec3 {
+    (b - a).cross(c - a)
+}
+
+/// Unit length; up where there is no direction, which happens only where no surface is to be seen.
+fn direction(v: Vec3) -> Vec3 {
+    v.try_normalize().unwrap_or(Vec3::Y)
+}
+
+fn pick<T: Copy>(from: &[T], indices: &[u32]) -> Vec<T> {
+    indices.iter().map(|i| from[*i as usize]).collect()
+}
+
+impl Mesh {
+    /// Adds a part, placed by `place`. A mirroring placement turns the triangles and the tangents' w around; one that
+    /// flattens the part adds nothing.
+    ///
+    /// # Errors
+    /// What is wrong, as a clause: too many triangles, a place too far away.
+    pub(super) fn append(&mut self, part: &Mesh, place: Mat4) -> Result<(), String> {
+        let linear = Mat3::from_mat4(place);
+        let determinant = linear.determinant();
+        if !place.is_finite() {
+            return Err("its node's transform is not finite".to_owned());
+        }
+        if determinant.abs() < f32::MIN_POSITIVE {
+            return Ok(());
+        }
+        check_triangle_count(self.triangles.len() + part.triangles.len())?;
+        let turn = determinant.signum();
+        // The inverse transpose up to a factor: the cofactors, turned outward again by the determinant's sign.
+        let normal_matrix = Mat3::from_cols(
+            linear.y_axis.cross(linear.z_axis),
+            linear.z_axis.cross(linear.x_axis),
+            linear.x_axis.cross(linear.y_axis),
+        ) * turn;
+        let first = self.positions.len() as u32;
+        for i in 0..part.positions.len() {
+            let position = place.transform_point3(part.positions[i]);
+            if !(position.abs().max_element() <= MAX_COORDINATE) {
+                return Err(format!("its node's transform takes a vertex to {position}"));
+            }
+            let normal = direction(normal_matrix * part.normals[i]);
+            let given = part.tangents[i];
+            let along = (linear * given.truncate()).extend(given.w * turn);
+            self.positions.push(position);
+            self.normals.push(normal);
+            self.tangents.push(tangents::fitted(normal, along));
+            self.uvs.push(part.uvs[i]);
+        }
+        self.triangles.extend(part.triangles.iter().map(|t| {
+            let [a, b, c] = t.map(|i| i + first);
+            if turn < 0.0 { [a, c, b] } else { [a, b, c] }
+        }));
+        Ok(())
+    }
+
+    /// Sets `aspect` to the area-weighted geometric mean of |dP/du| / |dP/dv|: exact for a layout of one scale, and twice as
+    /// wide weighs as much as twice as high. 1 for a layout without area.
+    pub(super) fn measure_aspect(&mut self) {
+        let (mut sum, mut weight) = (0.0f64, 0.0f64);
+        for triangle in &self.triangles {
+            let corners = self.corners(*triangle);
+            let Some((du, dv)) = derivatives(corners, self.corner_uvs(*triangle)) else {
+                continue;
+            };
+            let ratio = f64::from(du.length()) / f64::from(dv.length());
+            let area = f64::from(area_vector(corners).length());
+            if ratio.is_finite() && ratio > 0.0 {
+                sum += area * ratio.ln();
+                weight += area;
+            }
+        }
+        self.aspect = if weight > 0.0 {
+            (sum / weight).exp().clamp(1e-4, 1e4) as f32
+        } else {
+            1.0
+        };
+    }
+}
+
+/// # Errors
+/// A clause that names the count and the limit.
+pub(super) fn check_triangle_count(count: usize) -> Result<(), String> {
+    if count > MAX_TRIANGLES {
+        return Err(format!(
+            "it has more than {MAX_TRIANGLES} triangles, the most that are read"
+        ));
+    }
+    Ok(())
+}
