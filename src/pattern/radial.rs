@@ -2,7 +2,7 @@
 
 use super::grooves::{Chunk, Grooves, Plane, Streaks, for_chunks, with_grooves};
 use super::{Fill, Parameter, Patch, Surface};
-use crate::map::Wrap;
+use crate::map::{Rect, RegionMut, Wrap};
 use crate::math::{atan2, floor_fast, smoothstep};
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
@@ -200,20 +200,32 @@ fn triangle(x: f32) -> f32 {
     f.min(1.0 - f)
 }
 
+impl Rings {
+    /// Fills the rectangle `run`, whose texels begin at place `at` of `out` and follow one another.
+    pub(super) fn fill_run(
+        &self,
+        run: Rect,
+        at: usize,
+        chunk: &mut Chunk,
+        out: &mut RegionMut<'_>,
+        value: &mut [f32],
+    ) {
+        for_chunks(run.width, run.height, |column, row, n, offset| {
+            for i in 0..n {
+                let p = self
+                    .surface
+                    .position(run.x + column + i as u32, run.y + row);
+                self.place(chunk, i, p - self.center);
+            }
+            self.streaks.fill(chunk, n, out, value, at + offset);
+        });
+    }
+}
+
 impl Fill for Rings {
     fn fill(&self, patch: &mut Patch<'_>) {
         patch.coverage.fill(1.0);
         let rect = patch.region.rect;
-        let mut chunk = Chunk::new();
-        for_chunks(rect.width, rect.height, |column, row, n, at| {
-            for i in 0..n {
-                let p = self
-                    .surface
-                    .position(rect.x + column + i as u32, rect.y + row);
-                self.place(&mut chunk, i, p - self.center);
-            }
-            self.streaks
-                .fill(&chunk, n, &mut patch.region, patch.value, at);
-        });
+        self.fill_run(rect, 0, &mut Chunk::new(), &mut patch.region, patch.value);
     }
 }

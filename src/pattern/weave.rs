@@ -173,14 +173,49 @@ impl Weave {
         Cloth {
             weave: self.clone(),
             surface: *surface,
-            period,
-            step,
+            period: period as usize,
+            step: step as usize,
             per_unit: threads / extent,
-            fold: threads,
+            warp: self.threads(
+                &self.warp,
+                Axis::V,
+                numbers(threads.x),
+                seed32(surface.seed, 4),
+            ),
+            weft: self.threads(
+                &self.weft,
+                Axis::U,
+                numbers(threads.y),
+                seed32(surface.seed, 5),
+            ),
             points: (points(threads.x, texels.x), points(threads.y, texels.y)),
-            seed: seed32(surface.seed, 4),
         }
     }
+
+    /// The texel of each of `count` threads: the same fibres, a little different from thread to thread.
+    fn threads(&self, thread: &Thread, run: Axis, count: u32, seed: u32) -> Vec<Texel> {
+        // Three uniforms stand in for a normal: bounded, and smooth enough for threads.
+        let normal = |h: u32| {
+            let sum: f32 = (0..3).map(|n| unit(hash(n, h) >> 8)).sum();
+            2.0 * (sum - 1.5)
+        };
+        (0..count)
+            .map(|n| {
+                let gain = exp(self.spread * normal(hash(2 * n, seed)));
+                let lean = thread.twist + self.wander * normal(hash(2 * n + 1, seed));
+                Texel {
+                    alpha_x: (thread.alpha_along * gain).clamp(ALPHA_MIN, ALPHA_MAX),
+                    alpha_y: (thread.alpha_across * gain).clamp(ALPHA_MIN, ALPHA_MAX),
+                    axis: run.turned(Axis::from_degrees(lean)),
+                }
+            })
+            .collect()
+    }
+}
+
+/// Threads that can be seen: a whole number where the weave closes, the last one cut where it does not.
+fn numbers(threads: f32) -> u32 {
+    threads.ceil().max(1.0) as u32
 }
 
 /// How far the crossing moves from one thread to the next in a satin of `period` harnesses: prime to the period, and neither
@@ -194,15 +229,15 @@ fn satin_step(period: u32) -> u32 {
 pub(super) struct Cloth {
     weave: Weave,
     surface: Surface,
-    period: u32,
-    step: u32,
+    period: usize,
+    step: usize,
     /// Threads per surface unit.
     per_unit: Vec2,
-    /// Threads after which the numbering begins again.
-    fold: Vec2,
+    /// One texel a thread.
+    warp: Vec<Texel>,
+    weft: Vec<Texel>,
     /// Points taken per texel, across and up.
     points: (u32, u32),
-    seed: u32,
 }
 
 impl Cloth {
@@ -210,11 +245,13 @@ impl Cloth {
     fn at(&self, p: Vec2) -> (Texel, f32) {
         let t = p * self.per_unit;
         let cell = Vec2::new(floor_fast(t.x), floor_fast(t.y));
-        let number = |i: f32, n: f32| (i - n * floor_fast((i + 0.5) / n)) as u32;
-        let fold = |repeats: bool, n: f32| if repeats { n } else { 1e6 };
-        let warp = number(cell.x, fold(self.surface.wrap.repeats_u(), self.fold.x));
-        let weft = number(cell.y, fold(self.surface.wrap.repeats_v(), self.fold.y));
-        let warp_on_top = (warp + self.step * weft) % self.period != 0;
+        // Points of the texels at the edge lie a little outside.
+        let number = |i: f32, n: usize| (i as i32).rem_euclid(n as i32) as usize;
+        let (warp, weft) = (
+            number(cell.x, self.warp.len()),
+            number(cell.y, self.weft.len()),
+        );
+        let warp_on_top = !(warp + self.step * weft).is_multiple_of(self.period);
         let inside = t - cell;
         let half = 0.5 * self.weave.gap;
         let in_thread = |x: f32| x >= half && x <= 1.0 - half;
@@ -241,32 +278,9 @@ impl Cloth {
             );
         }
         if warp_on_top == over {
-            (
-                self.fibre(&self.weave.warp, Axis::V, hash(warp, self.seed)),
-                1.0,
-            )
+            (self.warp[warp], 1.0)
         } else {
-            (
-                self.fibre(
-                    &self.weave.weft,
-                    Axis::U,
-                    hash(weft, self.seed ^ 0x5bd1_e995),
-                ),
-                0.0,
-            )
-        }
-    }
-
-    fn fibre(&self, thread: &Thread, run: Axis, random: u32) -> Texel {
-        // Two sums of uniforms stand in for normals: bounded, and smooth enough for threads.
-        let normal =
-            |h: u32| (unit(h >> 8) + unit(hash(h, 1) >> 8) + unit(hash(h, 2) >> 8) - 1.5) * 2.0;
-        let gain = exp(self.weave.spread * normal(random));
-        let lean = thread.twist + self.weave.wander * normal(hash(random, 3));
-        Texel {
-            alpha_x: (thread.alpha_along * gain).clamp(ALPHA_MIN, ALPHA_MAX),
-            alpha_y: (thread.alpha_across * gain).clamp(ALPHA_MIN, ALPHA_MAX),
-            axis: run.turned(Axis::from_degrees(lean)),
+            (self.weft[weft], 0.0)
         }
     }
 }
