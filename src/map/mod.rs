@@ -16,7 +16,7 @@ use crate::math::{AXIS_MIN_LENGTH, Axis};
 use serde::{Deserialize, Serialize};
 
 /// The smallest width a map holds and light is computed with; below it f32 lobes overflow.
-pub const ALPHA_MIN: f32 = 1e-3;
+pub const ALPHA_MIN: f32 = crate::brdf::ALPHA_FLOOR;
 /// The largest width a map holds: a slope width of 1.5 is rougher than any measured surface.
 pub const ALPHA_MAX: f32 = 1.5;
 /// What a texel that cannot be read becomes: isotropic, of middling gloss.
