@@ -5,7 +5,7 @@
 //! ```
 //!
 //! A quarter of Blinn's exponent, since r.v sees twice the angle that h.n does. Unequal widths are taken together as
-//! [`blinn_phong`](super::blinn_phong) takes them. The norm makes the albedo 1 at normal incidence; from there it falls
+//! [`blinn_phong`] takes them. The norm makes the albedo 1 at normal incidence; from there it falls
 //! about as cos theta, as Ward's does.
 //!
 //! r.v = 1 - |r - v|²/2, and the difference has all its digits near the peak, where r.v has none to spare: at alpha 0.001 one
