@@ -16,4 +16,6 @@ pub mod map;
 pub mod coverage;
 pub mod pattern;
 
+pub mod analyse;
+
 pub use error::{Error, Result};

@@ -1,0 +1,420 @@
+//! The line field of the grooves: where it jumps at the map's edge, and where it has poles.
+//!
+//! Between neighbouring texels the double-angle vector of the groove turns by some angle. Around a loop of four texels the
+//! turns add up to a whole number of full ones: 0 nearly everywhere. Where they do not, a pole lies inside, and half the number
+//! is its index: +1 the centre of circles or spokes, +1/2 the end of a fold, -1/2 a three-armed star. Texels without a direction
+//! (ratio up to [`DIRECTED_RATIO`]) have no turn, so a pole inside an isotropic patch is none.
+
+use super::{DIRECTED_RATIO, Place};
+use crate::map::AnisoMap;
+use crate::math;
+use glam::Vec2;
+use rayon::prelude::*;
+use std::f32::consts::TAU;
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+/// Rows that one thread takes at a time.
+const BAND: u32 = 32;
+
+/// More turning loops than this are no poles but a field that is rough everywhere: scratches, threads, noise.
+const POLES_MAX: usize = 4096;
+
+/// A jump at the edge from this on is counted, in degrees.
+pub(super) const JUMP_DEGREES: f32 = 10.0;
+
+/// What a walk over all neighbours found.
+pub(super) struct Field {
+    /// Across the left and right edge; none where the map does not repeat there or is narrower than 3 texels.
+    pub(super) seam_u: Option<Seam>,
+    /// Across the top and bottom edge.
+    pub(super) seam_v: Option<Seam>,
+    /// The poles.
+    pub(super) poles: Poles,
+}
+
+/// The jumps of direction across an edge where the map repeats.
+#[derive(Debug)]
+pub(super) struct Seam {
+    /// The mean, in degrees.
+    pub(super) mean_degrees: f32,
+    /// The largest mean of any pair of neighbouring columns (or rows) inside the map, in degrees.
+    pub(super) inside_degrees: f32,
+    /// Texels that jump by [`JUMP_DEGREES`] or more.
+    pub(super) jumps: u64,
+    /// The first of them.
+    pub(super) first: Option<Place>,
+}
+
+/// The poles of a field.
+#[derive(Debug, PartialEq)]
+pub(super) enum Poles {
+    /// So many loops turn that the field has no smooth part to speak of; the first of them.
+    Rough(u64, Place),
+    /// Where each is and twice its index, from the top; loops closer than three texels are one pole.
+    Each(Vec<(Place, i32)>),
+}
+
+/// A loop of four texels that turns: the place of its upper left texel and how often.
+type Turning = (Place, i32);
+
+/// Sums of jumps in millionths of a degree: whole numbers, which come together in any order.
+#[derive(Clone, Copy, Default)]
+struct Jumps {
+    millionths: u64,
+    pairs: u64,
+}
+
+impl Jumps {
+    fn add(&mut self, turn: f32) {
+        if !turn.is_nan() {
+            self.millionths += (degrees(turn) * 1e6) as u64;
+            self.pairs += 1;
+        }
+    }
+
+    fn mean(self) -> f32 {
+        if self.pairs == 0 {
+            return 0.0;
+        }
+        (self.millionths as f64 / 1e6 / self.pairs as f64) as f32
+    }
+}
+
+/// The angle between two axes from the turn of their double-angle vectors.
+fn degrees(turn: f32) -> f32 {
+    0.5 * turn.abs().to_degrees()
+}
+
+/// The double-angle vectors of the grooves in a row; NaN where there is no direction.
+fn grooves(map: &AnisoMap, row: u32) -> Vec<Vec2> {
+    let width = map.width() as usize;
+    let start = row as usize * width;
+    (start..start + width)
+        .map(|i| {
+            let (x, y) = (map.alpha_x()[i], map.alpha_y()[i]);
+            let sign = if x > DIRECTED_RATIO * y {
+                -1.0
+            } else if y > DIRECTED_RATIO * x {
+                1.0
+            } else {
+                f32::NAN
+            };
+            Vec2::new(map.cos2()[i], map.sin2()[i]) * sign
+        })
+        .collect()
+}
+
+/// The angle from `a` to `b` in radians, in [-pi, pi]; NaN where either has none.
+fn turn(a: Vec2, b: Vec2) -> f32 {
+    let (cross, dot) = (a.x * b.y - a.y * b.x, a.x * b.x + a.y * b.y);
+    let angle = math::atan2(cross, dot);
+    if dot.is_nan() { f32::NAN } else { angle }
+}
+
+/// Turns from each texel of a row to the next one on the right, around the edge where the map repeats.
+fn turns_right(row: &[Vec2], repeats: bool) -> Vec<f32> {
+    let inside = row.windows(2).map(|p| turn(p[0], p[1]));
+    let around = repeats.then(|| turn(row[row.len() - 1], row[0]));
+    inside.chain(around).collect()
+}
+
+/// What one band of rows found.
+struct Band {
+    rows: Vec<Jumps>,
+    turning: Vec<Turning>,
+    turning_count: u64,
+    seam_u: (u64, Option<Place>),
+    seam_v: (u64, Option<Place>),
+}
+
+/// Jumps of a row of turns, and the first, for the seam counts.
+fn count_jumps(turns: &[f32], place: impl Fn(u32) -> Place) -> (u64, Option<Place>) {
+    let mut found = (0, None);
+    for (x, &t) in (0..).zip(turns) {
+        if degrees(t) >= JUMP_DEGREES {
+            found.0 += 1;
+            found.1 = found.1.or(Some(place(x)));
+        }
+    }
+    found
+}
+
+fn merge_jumps(a: (u64, Option<Place>), b: (u64, Option<Place>)) -> (u64, Option<Place>) {
+    (a.0 + b.0, a.1.or(b.1))
+}
+
+fn walk_band(map: &AnisoMap, band: Range<u32>, columns: &Mutex<Vec<Jumps>>) -> Band {
+    let (width, height) = (map.width(), map.height());
+    let (repeats_u, repeats_v) = (map.wrap().repeats_u(), map.wrap().repeats_v());
+    let mut found = Band {
+        rows: Vec::new(),
+        turning: Vec::new(),
+        turning_count: 0,
+        seam_u: (0, None),
+        seam_v: (0, None),
+    };
+    let mut mine = vec![Jumps::default(); width as usize];
+    let mut upper = grooves(map, band.start);
+    let mut upper_right = turns_right(&upper, repeats_u);
+    for y in band {
+        for (jumps, &t) in mine.iter_mut().zip(&upper_right) {
+            jumps.add(t);
+        }
+        if repeats_u && width > 1 {
+            let last = &upper_right[width as usize - 1..];
+            let at = |_| Place { x: width - 1, y };
+            found.seam_u = merge_jumps(found.seam_u, count_jumps(last, at));
+        }
+        let next = match y + 1 {
+            n if n < height => n,
+            _ if repeats_v && height > 1 => 0,
+            _ => break,
+        };
+        let lower = grooves(map, next);
+        let lower_right = turns_right(&lower, repeats_u);
+        let down: Vec<f32> = upper
+            .iter()
+            .zip(&lower)
+            .map(|(&a, &b)| turn(a, b))
+            .collect();
+        let mut row = Jumps::default();
+        down.iter().for_each(|&t| row.add(t));
+        found.rows.push(row);
+        if next == 0 {
+            found.seam_v = merge_jumps(found.seam_v, count_jumps(&down, |x| Place { x, y }));
+        }
+        for (i, (&top, &bottom)) in upper_right.iter().zip(&lower_right).enumerate() {
+            let right = if i + 1 < down.len() {
+                down[i + 1]
+            } else {
+                down[0]
+            };
+            // Right, down, left, up is clockwise; angles count the other way. A NaN is 0 as a whole number.
+            let turns = -((top + right - bottom - down[i]) / TAU).round() as i32;
+            if turns != 0 {
+                found.turning_count += 1;
+                if found.turning.len() <= POLES_MAX {
+                    let x = u32::try_from(i).expect("a side of a map fits 32 bits");
+                    found.turning.push((Place { x, y }, turns));
+                }
+            }
+        }
+        (upper, upper_right) = (lower, lower_right);
+    }
+    let mut total = columns.lock().unwrap_or_else(PoisonError::into_inner);
+    for (sum, part) in total.iter_mut().zip(&mine) {
+        sum.millionths += part.millionths;
+        sum.pairs += part.pairs;
+    }
+    found
+}
+
+/// The last pair of a ring is the seam; the rest is inside.
+fn seam(ring: &[Jumps], repeats: bool, (jumps, first): (u64, Option<Place>)) -> Option<Seam> {
+    let (edge, inside) = ring.split_last()?;
+    (repeats && ring.len() >= 3).then(|| Seam {
+        mean_degrees: edge.mean(),
+        inside_degrees: inside.iter().map(|j| j.mean()).fold(0.0, f32::max),
+        jumps,
+        first,
+    })
+}
+
+/// Takes loops within two texels of each other together and adds their turns. A pole that falls on the corner of four texels,
+/// whose turns are half circles of either sign, is thus counted right: around it nothing is in doubt.
+fn gather(map: &AnisoMap, turning: &[Turning]) -> Vec<Turning> {
+    let apart = |a: u32, b: u32, n: u32, repeats: bool| {
+        let d = a.abs_diff(b);
+        if repeats { d.min(n - d) } else { d }
+    };
+    let near = |a: Place, b: Place| {
+        apart(a.x, b.x, map.width(), map.wrap().repeats_u()) <= 2
+            && apart(a.y, b.y, map.height(), map.wrap().repeats_v()) <= 2
+    };
+    let mut seen = vec![false; turning.len()];
+    let mut poles = Vec::new();
+    for start in 0..turning.len() {
+        if seen[start] {
+            continue;
+        }
+        seen[start] = true;
+        let mut sum = 0;
+        let mut open = vec![start];
+        while let Some(i) = open.pop() {
+            sum += turning[i].1;
+            for j in 0..turning.len() {
+                if !seen[j] && near(turning[i].0, turning[j].0) {
+                    seen[j] = true;
+                    open.push(j);
+                }
+            }
+        }
+        if sum != 0 {
+            poles.push((turning[start].0, sum));
+        }
+    }
+    poles
+}
+
+/// Walks over all pairs and loops of neighbours.
+pub(super) fn walk(map: &AnisoMap) -> Field {
+    let (width, height) = (map.width(), map.height());
+    let columns = Mutex::new(vec![Jumps::default(); width as usize]);
+    let bands: Vec<Band> = (0..height.div_ceil(BAND))
+        .into_par_iter()
+        .map(|i| walk_band(map, i * BAND..height.min((i + 1) * BAND), &columns))
+        .collect();
+    let columns = columns.into_inner().unwrap_or_else(PoisonError::into_inner);
+
+    let mut rows = Vec::new();
+    let mut turning = Vec::new();
+    let mut count = 0;
+    let (mut seam_u, mut seam_v) = ((0, None), (0, None));
+    for band in bands {
+        rows.extend(band.rows);
+        turning.extend(band.turning);
+        count += band.turning_count;
+        seam_u = merge_jumps(seam_u, band.seam_u);
+        seam_v = merge_jumps(seam_v, band.seam_v);
+    }
+    let poles = match turning.first() {
+        Some(&(first, _)) if count > POLES_MAX as u64 => Poles::Rough(count, first),
+        _ => Poles::Each(gather(map, &turning)),
+    };
+    Field {
+        seam_u: seam(&columns, map.wrap().repeats_u(), seam_u),
+        seam_v: seam(&rows, map.wrap().repeats_v(), seam_v),
+        poles,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::{Size, Texel, Wrap};
+    use crate::math::Axis;
+
+    /// A map whose groove at (x, y) from the middle, y up, points at `angle(x, y)` radians; isotropic within `cap` texels.
+    fn map(
+        width: u32,
+        height: u32,
+        wrap: Wrap,
+        cap: f32,
+        angle: impl Fn(f32, f32) -> f32,
+    ) -> AnisoMap {
+        let size = Size::new(width, height).unwrap();
+        let mut map = AnisoMap::constant(size, wrap, crate::map::DEFAULT_TEXEL);
+        let mut region = map.region_mut();
+        for j in 0..height {
+            for i in 0..width {
+                let x = i as f32 + 0.5 - 0.5 * width as f32;
+                let y = 0.5 * height as f32 - j as f32 - 0.5;
+                let alpha_y = if x.hypot(y) < cap { 0.1 } else { 0.4 };
+                let axis = Axis::from_radians(angle(x, y));
+                let texel = Texel {
+                    alpha_x: 0.1,
+                    alpha_y,
+                    axis,
+                };
+                region.set((j * width + i) as usize, texel);
+            }
+        }
+        map
+    }
+
+    fn poles(map: &AnisoMap) -> Vec<Turning> {
+        match walk(map).poles {
+            Poles::Each(poles) => poles,
+            Poles::Rough(n, place) => panic!("{n} from {place:?}"),
+        }
+    }
+
+    #[test]
+    fn poles_are_counted_with_their_index() {
+        // Twice the index m: the groove turns by m/2 of the azimuth.
+        for (factor, index) in [(1.0, 2), (0.5, 1), (-0.5, -1), (-1.0, -2), (1.5, 3)] {
+            for size in [40, 41, 64] {
+                let m = map(size, size, Wrap::Clamp, 0.0, |x, y| {
+                    factor * y.atan2(x) + 0.3
+                });
+                let found = poles(&m);
+                assert_eq!(found.len(), 1, "{factor} at {size}: {found:?}");
+                assert_eq!(found[0].1, index, "{factor} at {size}");
+                let middle = size / 2;
+                let Place { x, y } = found[0].0;
+                assert!(
+                    x.abs_diff(middle) <= 2 && y.abs_diff(middle) <= 2,
+                    "{x} {y}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_pole_under_an_isotropic_cap_is_none() {
+        let m = map(64, 64, Wrap::Clamp, 4.0, |x, y| y.atan2(x));
+        assert_eq!(poles(&m), []);
+    }
+
+    #[test]
+    fn a_smooth_field_has_no_poles_and_no_seam() {
+        let wave = |x: f32, _| 0.4 * (TAU * x / 100.0).sin();
+        let field = walk(&map(100, 80, Wrap::Repeat, 0.0, wave));
+        assert_eq!(field.poles, Poles::Each(vec![]));
+        let (u, v) = (field.seam_u.unwrap(), field.seam_v.unwrap());
+        assert!(u.mean_degrees < 2.0 && u.jumps == 0, "{u:?}");
+        assert!(v.mean_degrees < 1e-3 && v.jumps == 0, "{v:?}");
+    }
+
+    #[test]
+    fn a_seam_is_measured_in_degrees() {
+        // The direction climbs by 60 degrees from left to right and jumps back at the edge.
+        let ramp = |x: f32, _| (60.0 * x / 200.0).to_radians();
+        let field = walk(&map(200, 50, Wrap::RepeatU, 0.0, ramp));
+        let u = field.seam_u.unwrap();
+        assert!(
+            (u.mean_degrees - 59.7).abs() < 0.1 && u.inside_degrees < 0.4,
+            "{u:?}"
+        );
+        assert_eq!((u.jumps, u.first), (50, Some(Place { x: 199, y: 0 })));
+        assert!(field.seam_v.is_none());
+        assert!(walk(&map(200, 50, Wrap::Clamp, 0.0, ramp)).seam_u.is_none());
+    }
+
+    #[test]
+    fn the_names_of_the_axes_make_no_jump() {
+        let size = Size::new(8, 8).unwrap();
+        let mut m = map(8, 8, Wrap::Repeat, 0.0, |_, _| 0.2);
+        for i in (0..size.texels()).step_by(3) {
+            let Texel {
+                alpha_x,
+                alpha_y,
+                axis,
+            } = m.texel_at(i);
+            let renamed = Texel {
+                alpha_x: alpha_y,
+                alpha_y: alpha_x,
+                axis: axis.perpendicular(),
+            };
+            m.region_mut().set(i, renamed);
+        }
+        let field = walk(&m);
+        assert_eq!(field.seam_u.unwrap().jumps, 0);
+        assert_eq!(field.poles, Poles::Each(vec![]));
+    }
+
+    #[test]
+    fn noise_is_called_rough_and_tiny_maps_are_fine() {
+        let noise = |x: f32, y: f32| (x * 12.9898 + y * 78.233).sin() * 43_758.547;
+        let Poles::Rough(n, _) = walk(&map(256, 256, Wrap::Repeat, 0.0, noise)).poles else {
+            panic!("noise is no smooth field");
+        };
+        assert!(n > 10_000);
+        for (w, h) in [(1, 1), (1, 5), (5, 1), (2, 2)] {
+            for wrap in [Wrap::Repeat, Wrap::RepeatU, Wrap::Clamp] {
+                assert_eq!(poles(&map(w, h, wrap, 0.0, |_, _| 0.5)), []);
+            }
+        }
+    }
+}
