@@ -60,9 +60,9 @@ impl Lattice {
         if wrap.repeats_u() && wrap.repeats_v() && u[0] * v[1] == u[1] * v[0] {
             // Rounding made both periods parallel: one more cell along parts them.
             if u[1] == 0.0 {
-                v[1] += 1.0
+                v[1] += 1.0;
             } else {
-                v[0] += 1.0
+                v[0] += 1.0;
             }
             if u[0] * v[1] == u[1] * v[0] {
                 u[0] += 1.0;

@@ -276,10 +276,10 @@ impl Fill for Finish {
                 let at = (row * rect.width + from) as usize;
                 match &self.parts[here].1 {
                     Finished::Wall(wall) => {
-                        wall.fill(run, at, &mut chunk, &mut patch.region, patch.value)
+                        wall.fill(run, at, &mut chunk, &mut patch.region, patch.value);
                     }
                     Finished::Disc(rings) => {
-                        rings.fill_run(run, at, &mut chunk, &mut patch.region, patch.value)
+                        rings.fill_run(run, at, &mut chunk, &mut patch.region, patch.value);
                     }
                 }
                 from = to;
