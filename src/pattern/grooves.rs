@@ -69,7 +69,11 @@ pub(super) const CHUNK: usize = 256;
 /// The finest supersampling across the grooves.
 const SAMPLES_MAX: f32 = 64.0;
 
-static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
+/// The CPU level, found once.
+pub(super) fn level() -> Level {
+    static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
+    *LEVEL
+}
 
 /// Where the grooves of a prepared pattern lie and how they look.
 #[derive(Clone, Debug)]
@@ -185,7 +189,7 @@ impl Streaks {
             &mut out.sin2[to.clone()],
             &mut value[to],
         ];
-        let level = *LEVEL;
+        let level = level();
         if self.samples == 1 {
             dispatch!(level, simd => fill_one(simd, self, chunk, planes));
         } else {

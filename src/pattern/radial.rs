@@ -1,9 +1,11 @@
 //! Grooves around a centre: turned rings, spokes, or one spiral.
 
-use super::grooves::{Chunk, Grooves, Plane, Streaks, for_chunks, with_grooves};
+use super::grooves::{CHUNK, Chunk, Grooves, Plane, Streaks, for_chunks, level, with_grooves};
 use super::{Fill, Parameter, Patch, Surface};
 use crate::map::{Rect, RegionMut, Wrap};
 use crate::math::{atan2, floor_fast, smoothstep};
+use fearless_simd::{Simd, dispatch};
+use fearless_simd_macros::simd;
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
@@ -159,48 +161,6 @@ pub(super) struct Rings {
 }
 
 impl Rings {
-    /// Puts the nth texel of a chunk at `p` (surface units) from the centre.
-    fn place(&self, chunk: &mut Chunk, i: usize, p: Vec2) {
-        let r = p.length();
-        let turns = atan2(p.y, p.x) / TAU;
-        chunk.a[i] = turns;
-        chunk.b[i] = r;
-        chunk.ln_gain[i] = 0.0;
-        chunk.anisotropy[i] = smoothstep(self.cap, self.cap + self.fade, r);
-        // Double angle of the radius; of the tangent, its opposite.
-        let q = 1.0 / (r * r).max(1e-20);
-        let (c, s) = if r > 0.0 {
-            ((p.x * p.x - p.y * p.y) * q, 2.0 * p.x * p.y * q)
-        } else {
-            (1.0, 0.0)
-        };
-        (chunk.cos2[i], chunk.sin2[i]) = match self.style {
-            RadialStyle::Spokes => (c, s),
-            RadialStyle::Turned => (-c, -s),
-            RadialStyle::Spiral => {
-                // Outward by the pitch on the way around: the groove leans from the tangent toward the radius, so it turns
-                // clockwise by atan(pitch / circumference).
-                let slope = self.pitch / (TAU * r.max(1e-6));
-                let k = 1.0 / (1.0 + slope * slope);
-                let (lc, ls) = ((1.0 - slope * slope) * k, -2.0 * slope * k);
-                // Phase of the ridge; the streaks follow the groove.
-                let phase = r / self.pitch - turns;
-                chunk.b[i] = r - self.pitch * turns;
-                chunk.ln_gain[i] =
-                    self.feed_marks * self.ridge_seen * (4.0 * triangle(phase) - 1.0);
-                (-c * lc + s * ls, -s * lc - c * ls)
-            }
-        };
-    }
-}
-
-/// 0 to 0.5 and back over each whole number.
-fn triangle(x: f32) -> f32 {
-    let f = x - floor_fast(x);
-    f.min(1.0 - f)
-}
-
-impl Rings {
     /// Fills the rectangle `run`, whose texels begin at place `at` of `out` and follow one another.
     pub(super) fn fill_run(
         &self,
@@ -210,16 +170,67 @@ impl Rings {
         out: &mut RegionMut<'_>,
         value: &mut [f32],
     ) {
+        let level = level();
         for_chunks(run.width, run.height, |column, row, n, offset| {
             for i in 0..n {
                 let p = self
                     .surface
-                    .position(run.x + column + i as u32, run.y + row);
-                self.place(chunk, i, p - self.center);
+                    .position(run.x + column + i as u32, run.y + row)
+                    - self.center;
+                (chunk.a[i], chunk.b[i]) = (p.x, p.y);
             }
+            dispatch!(level, simd => to_polar(simd, self, chunk, n));
             self.streaks.fill(chunk, n, out, value, at + offset);
         });
     }
+}
+
+/// Turns the first `n` places of a chunk, given in surface units from the centre, into (turns, radius) and the direction
+/// that the grooves have there.
+#[simd]
+fn to_polar<S: Simd>(_: S, rings: &Rings, chunk: &mut Chunk, n: usize) {
+    // One formula for the three styles: a ring is a spiral without pitch, a spoke the ring's perpendicular.
+    let (pitch, ridge) = match rings.style {
+        RadialStyle::Spiral => (rings.pitch, rings.feed_marks * rings.ridge_seen),
+        RadialStyle::Turned | RadialStyle::Spokes => (0.0, 0.0),
+    };
+    let along = if rings.style == RadialStyle::Spokes {
+        1.0
+    } else {
+        -1.0
+    };
+    let turns_per_unit = 1.0 / rings.pitch;
+    for i in 0..n.min(CHUNK) {
+        let (x, y) = (chunk.a[i], chunk.b[i]);
+        // The very centre has to lie somewhere: a little to the right of itself.
+        let x = if x * x + y * y < 1e-18 { 1e-9 } else { x };
+        let square = x * x + y * y;
+        let r = square.sqrt();
+        let turns = atan2(y, x) * (1.0 / TAU);
+        // Double angle of the radius; of the tangent, its opposite.
+        let (c, s) = (
+            along * (x * x - y * y) / square,
+            along * 2.0 * x * y / square,
+        );
+        // Outward by the pitch on the way around: the groove leans from the tangent toward the radius, so it turns
+        // clockwise by atan(pitch / circumference).
+        let slope = pitch / (TAU * r);
+        let k = 1.0 / (1.0 + slope * slope);
+        let (lc, ls) = ((1.0 - slope * slope) * k, -2.0 * slope * k);
+        chunk.a[i] = turns;
+        chunk.b[i] = r - pitch * turns; // the streaks follow the groove
+        chunk.cos2[i] = c * lc - s * ls;
+        chunk.sin2[i] = s * lc + c * ls;
+        chunk.anisotropy[i] = smoothstep(rings.cap, rings.cap + rings.fade, r);
+        chunk.ln_gain[i] = ridge * (4.0 * triangle(r * turns_per_unit - turns) - 1.0);
+    }
+}
+
+/// 0 to 0.5 and back over each whole number.
+#[inline(always)]
+fn triangle(x: f32) -> f32 {
+    let f = x - floor_fast(x);
+    f.min(1.0 - f)
 }
 
 impl Fill for Rings {
@@ -227,5 +238,113 @@ impl Fill for Rings {
         patch.coverage.fill(1.0);
         let rect = patch.region.rect;
         self.fill_run(rect, 0, &mut Chunk::new(), &mut patch.region, patch.value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::filled;
+    use super::super::{Pattern, Surface};
+    use super::*;
+    use crate::map::{AnisoMap, Size};
+    use crate::math::Axis;
+
+    fn map(radial: Radial) -> AnisoMap {
+        let surface = Surface {
+            size: Size::new(256, 128).unwrap(),
+            aspect: 2.0,
+            wrap: Wrap::Clamp,
+            seed: 1,
+        };
+        filled(&Pattern::Radial(radial), &surface, 4096).0
+    }
+
+    fn still(style: RadialStyle) -> Radial {
+        Radial {
+            style,
+            wander: 0.0,
+            breaks: 0.0,
+            ..Default::default()
+        }
+    }
+
+    /// The largest angle between the map's grooves and `want` at 60 places on a circle of the surface.
+    fn off(map: &AnisoMap, radius: f32, want: impl Fn(f32) -> f32) -> f32 {
+        (0..60)
+            .map(|i| {
+                let angle = i as f32 * TAU / 60.0;
+                let p = Vec2::new(1.0, 0.5) + radius * Vec2::from_angle(angle);
+                let groove = map.sample(p.x / 2.0, p.y).groove();
+                groove
+                    .angle_to(Axis::from_radians(want(angle)))
+                    .to_degrees()
+            })
+            .fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn grooves_are_circles_spokes_or_a_winding_out_line_on_the_surface() {
+        let quarter = TAU / 4.0;
+        assert!(off(&map(still(RadialStyle::Turned)), 0.3, |a| a + quarter) < 0.5);
+        assert!(off(&map(still(RadialStyle::Spokes)), 0.3, |a| a) < 0.5);
+        let pitch = 0.2;
+        let spiral = map(Radial {
+            pitch,
+            feed_marks: 0.0,
+            ..still(RadialStyle::Spiral)
+        });
+        let lean = (pitch / (TAU * 0.3)).atan();
+        assert!(off(&spiral, 0.3, |a| a + quarter - lean) < 0.5);
+    }
+
+    #[test]
+    fn the_centre_is_round_and_the_cap_fades() {
+        let map = map(Radial {
+            cap_radius: 0.1,
+            cap_fade: 0.1,
+            ..still(RadialStyle::Turned)
+        });
+        assert!(map.sample(0.5, 0.5).ratio() < 1.01);
+        assert!(
+            map.sample(0.5 + 0.04, 0.5).ratio() < 1.01,
+            "0.08 from the centre"
+        );
+        assert!(
+            map.sample(0.5 + 0.125, 0.5).ratio() > 2.0,
+            "0.25 from the centre"
+        );
+    }
+
+    #[test]
+    fn nothing_shows_where_the_turn_closes() {
+        for style in [
+            RadialStyle::Turned,
+            RadialStyle::Spokes,
+            RadialStyle::Spiral,
+        ] {
+            let map = map(Radial {
+                ring_spacing: 0.05,
+                pitch: 0.1,
+                ..still(style)
+            });
+            // Left of the centre the angle jumps from -180 to 180 degrees.
+            let jump = |y: f32, x: f32| {
+                let (a, b) = (map.sample(x, y - 0.004), map.sample(x, y + 0.004));
+                (a.alpha_y / b.alpha_y).ln().abs()
+            };
+            let along = |y: f32| {
+                (0..40)
+                    .map(|i| jump(y, 0.3 + 0.003 * i as f32))
+                    .sum::<f32>()
+            };
+            let elsewhere = (1..12)
+                .map(|k| along(0.5 + 0.02 * k as f32))
+                .fold(0.0, f32::max);
+            assert!(
+                along(0.5) <= 1.5 * elsewhere + 1e-3,
+                "{style:?}: {} against {elsewhere}",
+                along(0.5)
+            );
+        }
     }
 }
