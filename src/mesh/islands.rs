@@ -91,10 +91,10 @@ fn number(parents: &mut [u32], triangle_mirrored: &[bool]) -> Islands {
         of_triangle: Vec::with_capacity(parents.len()),
         mirrored: Vec::new(),
     };
-    for i in 0..parents.len() {
+    for (i, mirrored) in triangle_mirrored.iter().enumerate() {
         let first = root(parents, i as u32) as usize;
         let id = if first == i {
-            islands.mirrored.push(triangle_mirrored[i]);
+            islands.mirrored.push(*mirrored);
             islands.mirrored.len() as u32 - 1
         } else {
             islands.of_triangle[first]

@@ -24,7 +24,7 @@
 //! |---|---|---|---|
 //! | [`BODY`] | 0 to 1 | 0.7197 to 0.9931 | the rounded lower edge and the wall, v up; u = 1/2 faces +z |
 //! | [`RIM`] | 0 to 1 | 0.6810 to 0.7060 | the lip, v from the outer wall over the top to the inner wall |
-//! | [`INSIDE`] | 0 to 1 | 0.3952 to 0.6672 | the rounded inner edge and the inner wall, v up; u runs the other way around |
+//! | [`INSIDE`] | 0 to 1 | 0.3952 to 0.6672 | the rounded inner edge and the inner wall, v up; u = 1/2 at the back (-z), where one looks in |
 //! | [`BOTTOM`] | 0.0080 to 0.3199 | 0.0071 to 0.3815 | circle, seen from below: U = +x, V = +z |
 //! | [`FLOOR`] | 0.3390 to 0.6303 | 0.0071 to 0.3567 | circle, seen from above: U = +x, V = -z |
 //! | [`HANDLE_RIGHT`] | 0.6525 to 0.8080 | 0.3335 to 0.3815 | the tube at +x: u along it, front to back; v around, 1/2 outside |
@@ -171,9 +171,9 @@ pub const ISLANDS: [(&str, Island); 7] = [
 pub fn pot() -> Mesh {
     let ring = ring();
     let mut mesh = Mesh::empty("pot", ASPECT);
-    push_turned(&mut mesh, &ring, &outside(), BODY, 1.0);
-    push_turned(&mut mesh, &ring, &lip(), RIM, 1.0);
-    push_turned(&mut mesh, &ring, &inside(), INSIDE, -1.0);
+    push_turned(&mut mesh, &ring, &outside(), BODY, Facing::Out);
+    push_turned(&mut mesh, &ring, &lip(), RIM, Facing::Out);
+    push_turned(&mut mesh, &ring, &inside(), INSIDE, Facing::In);
     push_discs(&mut mesh, &ring[..AROUND as usize]);
     push_handle(&mut mesh, HANDLE_RIGHT, 1.0);
     push_handle(&mut mesh, HANDLE_LEFT, -1.0);
@@ -248,13 +248,22 @@ fn inside() -> Vec<Outline> {
     line
 }
 
-/// Turns an outline around the axis; u runs counter-clockwise seen from above, or clockwise where `sense` is -1.
-fn push_turned(mesh: &mut Mesh, ring: &[Vec3], line: &[Outline], island: Island, sense: f32) {
+/// Which way a wall looks.
+#[derive(Clone, Copy, PartialEq)]
+enum Facing {
+    /// Away from the axis: u runs counter-clockwise seen from above, u = 1/2 at +z.
+    Out,
+    /// Toward the axis: u runs clockwise, u = 1/2 at -z, where one looks in.
+    In,
+}
+
+/// Turns an outline around the axis.
+fn push_turned(mesh: &mut Mesh, ring: &[Vec3], line: &[Outline], island: Island, facing: Facing) {
+    const N: usize = AROUND as usize;
     mesh.push_grid(AROUND, line.len() as u32 - 1, |i, j| {
-        let radial = if sense > 0.0 {
-            ring[i]
-        } else {
-            ring[AROUND as usize - i]
+        let (radial, sense) = match facing {
+            Facing::Out => (ring[i], 1.0),
+            Facing::In => (ring[(N + N / 2 - i) % N], -1.0),
         };
         let point = line[j];
         Vertex {

@@ -190,7 +190,7 @@ impl Mesh {
         let first = self.positions.len() as u32;
         for i in 0..part.positions.len() {
             let position = place.transform_point3(part.positions[i]);
-            if !(position.abs().max_element() <= MAX_COORDINATE) {
+            if !position.is_finite() || position.abs().max_element() > MAX_COORDINATE {
                 return Err(format!("its node's transform takes a vertex to {position}"));
             }
             let normal = direction(normal_matrix * part.normals[i]);

@@ -24,9 +24,13 @@ fn open_edges(mesh: &Mesh) -> Vec<(Vec3, Vec3)> {
             edges.insert((bits(a), bits(b)), (a, b));
         }
     }
-    let lonely =
-        |((a, b), _): &(&([u32; 3], [u32; 3]), &(Vec3, Vec3))| !edges.contains_key(&(*b, *a));
-    edges.iter().filter(lonely).map(|(_, e)| *e).collect()
+    let mut open = Vec::new();
+    for ((from, to), edge) in &edges {
+        if !edges.contains_key(&(*to, *from)) {
+            open.push(*edge);
+        }
+    }
+    open
 }
 
 #[test]
