@@ -29,7 +29,7 @@ fn main() {
                             region,
                             coverage,
                             value,
-                        })
+                        });
                     },
                 );
                 start.elapsed().as_secs_f64() * 1e3
