@@ -1,6 +1,6 @@
 //! Fetching between texels.
 
-use super::{AnisoMap, Texel, settle};
+use super::{AnisoMap, Size, Texel, Wrap, settle};
 
 /// The four texels around a point and their weights: one bilinear fetch, right across the wrap.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,10 +11,10 @@ pub struct Footprint {
     pub weight: [f32; 4],
 }
 
-impl AnisoMap {
-    /// The footprint of a bilinear fetch at texture coordinate (u, v), v up. Any finite coordinate is allowed; one that is
-    /// not finite is taken as 0.
-    pub fn footprint(&self, u: f32, v: f32) -> Footprint {
+impl Wrap {
+    /// The footprint of a bilinear fetch at texture coordinate (u, v), v up, in a grid of `size` with this wrap. Any finite
+    /// coordinate is allowed; one that is not finite is taken as 0.
+    pub fn footprint(self, size: Size, u: f32, v: f32) -> Footprint {
         let place = |t: f32, n: u32, repeats: bool| {
             let t = if t.is_finite() { t } else { 0.0 };
             // Whole turns go first: far from 0 an f32 has no texels left.
@@ -26,12 +26,12 @@ impl AnisoMap {
             let x = t * n as f32 - 0.5;
             (x.floor() as i64, x - x.floor())
         };
-        let (w, h) = (self.width(), self.height());
-        let (x, fx) = place(u, w, self.wrap().repeats_u());
+        let (w, h) = (size.width(), size.height());
+        let (x, fx) = place(u, w, self.repeats_u());
         // Row 0 is the top.
-        let (y, fy) = place(1.0 - v, h, self.wrap().repeats_v());
-        let columns = [self.wrap().column(x, w), self.wrap().column(x + 1, w)];
-        let rows = [self.wrap().row(y, h), self.wrap().row(y + 1, h)];
+        let (y, fy) = place(1.0 - v, h, self.repeats_v());
+        let columns = [self.column(x, w), self.column(x + 1, w)];
+        let rows = [self.row(y, h), self.row(y + 1, h)];
         let at = |i: usize, j: usize| rows[j] as usize * w as usize + columns[i] as usize;
         Footprint {
             index: [at(0, 0), at(1, 0), at(0, 1), at(1, 1)],
@@ -42,6 +42,13 @@ impl AnisoMap {
                 fx * fy,
             ],
         }
+    }
+}
+
+impl AnisoMap {
+    /// The footprint of a bilinear fetch at texture coordinate (u, v), v up: see [`Wrap::footprint`].
+    pub fn footprint(&self, u: f32, v: f32) -> Footprint {
+        self.wrap().footprint(self.size(), u, v)
     }
 
     /// The map at (u, v), v up, between texels: alphas and double-angle vectors blended bilinearly.
