@@ -16,6 +16,9 @@ pub mod map;
 pub mod coverage;
 pub mod pattern;
 
+pub mod filter;
+pub mod raster;
+
 pub mod analyse;
 
 pub use error::{Error, Result};
