@@ -19,6 +19,8 @@ pub mod pattern;
 pub mod filter;
 pub mod raster;
 
+pub mod preview;
+
 pub mod analyse;
 
 pub use error::{Error, Result};

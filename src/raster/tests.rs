@@ -314,7 +314,7 @@ fn culling_back_faces_changes_nothing_on_a_closed_surface() {
     inverted.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     let (_, seen) = draw(&inverted, &camera(Vec3::new(0.0, 2.0, 3.0)), 120, 90);
     each(&seen, |_, _, f, i| {
-        assert!(!f.back[i], "the normals decide, not the winding")
+        assert!(!f.back[i], "the normals decide, not the winding");
     });
 }
 

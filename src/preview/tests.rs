@@ -1,0 +1,423 @@
+use super::*;
+use crate::brdf::Model;
+use crate::map::{Texel, Wrap};
+use crate::math::Axis;
+use crate::raster::{Camera, Projection};
+use glam::Vec3;
+
+const WARD: Look = Look {
+    model: Model::Ward,
+    mean: false,
+};
+
+fn size(width: u32, height: u32) -> Size {
+    Size::new(width, height).unwrap()
+}
+
+fn constant(alpha_x: f32, alpha_y: f32, degrees: f32) -> AnisoMap {
+    let texel = Texel {
+        alpha_x,
+        alpha_y,
+        axis: Axis::from_degrees(degrees),
+    };
+    AnisoMap::constant(size(8, 8), Wrap::Repeat, texel)
+}
+
+/// From far along +z, lit from the eye, against black; no diffuse light, no ambient.
+fn head_on(mesh: &Mesh) -> Scene {
+    let mut scene = Scene::for_mesh(mesh);
+    scene.camera = Camera {
+        eye: Vec3::new(0.0, 0.0, 10.0),
+        target: Vec3::ZERO,
+        up: Vec3::Y,
+        projection: Projection::Orthographic { extent: 2.2 },
+    };
+    scene.lights = vec![Light::Directional {
+        toward: Vec3::Z,
+        irradiance: [1.0; 3],
+    }];
+    scene.ambient = [0.0; 3];
+    scene.background = Background {
+        top: [0.0; 3],
+        bottom: [0.0; 3],
+    };
+    scene
+}
+
+const SHINY: Material = Material {
+    diffuse: [0.0; 3],
+    specular: [1.0; 3],
+    ambient: [0.0; 3],
+};
+
+fn draw(
+    mesh: &Mesh,
+    map: &AnisoMap,
+    material: &Material,
+    scene: &Scene,
+    looks: &[Look],
+) -> Vec<Picture> {
+    let subject = Subject {
+        mesh,
+        map,
+        material,
+    };
+    render(subject, scene, looks, size(96, 96), &Progress::none()).unwrap()
+}
+
+fn shiny(mesh: &Mesh, map: &AnisoMap, scene: &Scene) -> Picture {
+    draw(mesh, map, &SHINY, scene, &[WARD]).remove(0)
+}
+
+fn largest_difference(a: &Picture, b: &Picture) -> f32 {
+    a.pixels()
+        .iter()
+        .zip(b.pixels())
+        .flat_map(|(a, b)| [0, 1, 2].map(|c| (a[c] - b[c]).abs()))
+        .fold(0.0, f32::max)
+}
+
+fn total(picture: &Picture) -> f64 {
+    picture.pixels().iter().map(|p| f64::from(p[1])).sum()
+}
+
+/// Variances of the light over the picture: along x, along y, and their covariance, y upward.
+fn spread(picture: &Picture) -> (f64, f64, f64) {
+    let (w, h) = (f64::from(picture.width()), f64::from(picture.height()));
+    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+    for y in 0..picture.height() {
+        for (x, p) in picture.row(y).iter().enumerate() {
+            let (dx, dy) = (x as f64 + 0.5 - 0.5 * w, 0.5 * h - f64::from(y) - 0.5);
+            xx += dx * dx * f64::from(p[0]);
+            yy += dy * dy * f64::from(p[0]);
+            xy += dx * dy * f64::from(p[0]);
+        }
+    }
+    let sum = total(picture);
+    (xx / sum, yy / sum, xy / sum)
+}
+
+#[test]
+fn the_sum_is_the_papers() {
+    // A plane at rest: one normal, one tangent, an orthographic eye, so the formula has one value.
+    let mesh = crate::mesh::plane();
+    let mut scene = head_on(&mesh);
+    let l = Vec3::new(0.3, 0.2, 0.8).normalize();
+    scene.lights = vec![
+        Light::Directional {
+            toward: l * 7.0,
+            irradiance: [2.0, 1.0, 0.5],
+        },
+        Light::Directional {
+            toward: Vec3::NEG_Z,
+            irradiance: [100.0; 3],
+        },
+        Light::Point {
+            position: Vec3::new(0.0, 0.0, 50.0),
+            intensity: [500.0; 3],
+        },
+    ];
+    scene.ambient = [0.5; 3];
+    scene.exposure = 1.0;
+    let material = Material {
+        diffuse: [0.3, 0.2, 0.1],
+        specular: [0.5, 0.6, 0.7],
+        ambient: [0.1, 0.2, 0.3],
+    };
+    let picture = draw(&mesh, &constant(0.3, 0.5, 25.0), &material, &scene, &[WARD]).remove(0);
+    // In the frame of the texel; the plane's tangent is +x, its bitangent +y.
+    let (sin, cos) = 25f32.to_radians().sin_cos();
+    let local = |v: Vec3| Vec3::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x, v.z);
+    let k_spec = |l: Vec3| {
+        let h = (l + Vec3::Z).normalize();
+        let k = (h.x / 0.3f32).powi(2) + (h.y / 0.5f32).powi(2);
+        (l.z / (l.z * 1.0).sqrt()) * (-2.0 * k / (1.0 + h.z)).exp()
+            / (4.0 * std::f32::consts::PI * 0.3 * 0.5)
+    };
+    let pixel = picture.pixel(48, 48);
+    for c in 0..3 {
+        let key = [2.0, 1.0, 0.5][c];
+        let lamp = 500.0 / 2500.0;
+        let diffuse = material.diffuse[c] / std::f32::consts::PI * (key * l.z + lamp);
+        let specular = material.specular[c] * (key * k_spec(local(l)) + lamp * k_spec(Vec3::Z));
+        let want = 2.0 * (0.5 * material.ambient[c] + diffuse + specular);
+        assert!((pixel[c] / want - 1.0).abs() < 2e-3, "{} {want}", pixel[c]);
+    }
+}
+
+#[test]
+fn the_highlight_stretches_along_the_larger_alpha() {
+    let mesh = crate::mesh::sphere();
+    let scene = head_on(&mesh);
+    let at = |ax, ay, degrees| spread(&shiny(&mesh, &constant(ax, ay, degrees), &scene));
+    let (xx, yy, _) = at(0.05, 0.3, 0.0);
+    assert!(yy > 8.0 * xx, "{xx} {yy}");
+    let (xx, yy, _) = at(0.05, 0.3, 90.0);
+    assert!(xx > 8.0 * yy, "{xx} {yy}");
+    let (xx, yy, _) = at(0.3, 0.05, 0.0);
+    assert!(xx > 8.0 * yy, "{xx} {yy}");
+    // Wide along 30 degrees: counter-clockwise from +u toward image-up, seen from outside.
+    let (xx, yy, xy) = at(0.2, 0.04, 30.0);
+    let angle = 0.5 * (2.0 * xy).atan2(xx - yy).to_degrees();
+    assert!((angle - 30.0).abs() < 3.0, "{angle}");
+}
+
+#[test]
+fn half_a_turn_of_the_axis_changes_nothing() {
+    let mesh = crate::mesh::torus();
+    let scene = Scene::for_mesh(&mesh);
+    let a = shiny(&mesh, &constant(0.05, 0.3, 20.0), &scene);
+    let b = shiny(&mesh, &constant(0.05, 0.3, 200.0), &scene);
+    assert!(largest_difference(&a, &b) < 1e-4 && total(&a) > 1.0);
+}
+
+#[test]
+fn the_number_of_threads_changes_no_byte() {
+    let mesh = crate::mesh::torus();
+    let scene = Scene::for_mesh(&mesh);
+    let map = constant(0.05, 0.3, 20.0);
+    let looks = Look::list("phong:mean,ward:mean,ward").unwrap();
+    let run = |threads| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+            .install(|| draw(&mesh, &map, &SHINY, &scene, &looks))
+    };
+    assert!(run(1) == run(2));
+}
+
+#[test]
+fn the_seam_shows_no_line() {
+    // A cylinder turned so that its seam (at -z) faces the eye, under a map that is smooth across it.
+    let mesh = crate::mesh::cylinder();
+    let n = 64u32;
+    let wave = |f: &dyn Fn(f32) -> f32| -> Vec<f32> {
+        (0..n * n)
+            .map(|i| f((i % n) as f32 / n as f32 * std::f32::consts::TAU))
+            .collect()
+    };
+    let planes = [
+        wave(&|t| 0.2 + 0.05 * t.cos()),
+        wave(&|t| 0.4 + 0.1 * t.sin()),
+        wave(&|t| (0.6 * t.sin()).cos()),
+        wave(&|t| (0.6 * t.sin()).sin()),
+    ];
+    let (map, _) = AnisoMap::from_planes(size(n, n), Wrap::RepeatU, planes).unwrap();
+    let mut scene = head_on(&mesh);
+    scene.camera.eye = Vec3::new(0.0, 0.0, -10.0);
+    scene.lights = vec![Light::Directional {
+        toward: Vec3::new(0.2, 0.3, -1.0),
+        irradiance: [1.0; 3],
+    }];
+    let picture = shiny(&mesh, &map, &scene);
+    let bend = |x: usize| {
+        let row = picture.row(48);
+        (row[x - 1][0] - 2.0 * row[x][0] + row[x + 1][0]).abs()
+    };
+    // The seam lies between columns 47 and 48; nothing there may bend more than the smooth surface around it does.
+    let elsewhere = (30..44).chain(52..66).map(bend).fold(0.0, f32::max);
+    let seam = (46..50).map(bend).fold(0.0, f32::max);
+    assert!(picture.row(48)[48][0] > 0.1);
+    assert!(seam <= 1.5 * elsewhere, "{seam} {elsewhere}");
+}
+
+#[test]
+fn the_mean_of_a_constant_map_is_the_map() {
+    let mesh = crate::mesh::torus();
+    let scene = Scene::for_mesh(&mesh);
+    for degrees in [0.0, 90.0] {
+        let looks = Look::list("ward:mean,ward").unwrap();
+        let map = constant(0.08, 0.3, degrees);
+        let pictures = draw(&mesh, &map, &SHINY, &scene, &looks);
+        let brightest = pictures[1].pixels().iter().fold(0.0, |m, p| p[0].max(m));
+        assert!(largest_difference(&pictures[0], &pictures[1]) < 1e-3 * brightest);
+    }
+    // Grooves in every direction have no direction on the whole.
+    let round = AnisoMap::from_planes(
+        size(2, 1),
+        Wrap::Repeat,
+        [vec![0.1; 2], vec![0.3; 2], vec![1.0, -1.0], vec![0.0; 2]],
+    )
+    .unwrap()
+    .0;
+    let alpha = ((0.01f32 + 0.09) / 2.0).sqrt();
+    let look = [Look { mean: true, ..WARD }];
+    let mean = draw(&mesh, &round, &SHINY, &scene, &look).remove(0);
+    let want = shiny(&mesh, &constant(alpha, alpha, 0.0), &scene);
+    assert!(largest_difference(&mean, &want) < 1e-3);
+}
+
+#[test]
+fn a_highlight_narrower_than_a_pixel_keeps_its_light() {
+    let mesh = crate::mesh::sphere();
+    let mut scene = head_on(&mesh);
+    scene.samples = 1;
+    scene.lights = vec![Light::Directional {
+        toward: Vec3::new(0.5, 0.31, 0.8),
+        irradiance: [1.0; 3],
+    }];
+    // 96 pixels turn the normal by 0.023 a pixel at least: this lobe is a quarter of that wide.
+    let map = constant(0.006, 0.006, 0.0);
+    let subject = Subject {
+        mesh: &mesh,
+        map: &map,
+        material: &SHINY,
+    };
+    let light = |side: u32| {
+        let p = render(
+            subject,
+            &scene,
+            &[WARD],
+            size(side, side),
+            &Progress::none(),
+        )
+        .unwrap();
+        total(&p[0]) / f64::from(side * side)
+    };
+    let (coarse, fine) = (light(96), light(1536));
+    assert!((coarse / fine - 1.0).abs() < 0.1, "{coarse} {fine}");
+}
+
+#[test]
+fn supersampling_smooths_and_keeps_the_light() {
+    let mesh = crate::mesh::torus();
+    let map = constant(0.2, 0.4, 0.0);
+    let mut scene = Scene::for_mesh(&mesh);
+    let mut light = Vec::new();
+    for samples in 1..=SAMPLES_MAX {
+        scene.samples = samples;
+        light.push(total(&shiny(&mesh, &map, &scene)));
+    }
+    for l in &light {
+        assert!((l / light[3] - 1.0).abs() < 0.01, "{light:?}");
+    }
+}
+
+#[test]
+fn both_sides_of_an_open_surface_are_lit_from_the_eyes_side() {
+    let mesh = crate::mesh::disc();
+    let map = constant(0.2, 0.5, 30.0);
+    let mut scene = head_on(&mesh);
+    let front = shiny(&mesh, &map, &scene);
+    scene.camera.eye = Vec3::new(0.0, 0.0, -10.0);
+    assert_eq!(total(&shiny(&mesh, &map, &scene)), 0.0, "lit from behind");
+    scene.lights = vec![Light::Directional {
+        toward: Vec3::NEG_Z,
+        irradiance: [1.0; 3],
+    }];
+    let back = shiny(&mesh, &map, &scene);
+    assert!((total(&back) / total(&front) - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn without_a_tangent_the_lobe_is_round() {
+    let mut mesh = crate::mesh::sphere();
+    let scene = head_on(&mesh);
+    let alpha = ((0.01f32 + 0.09) / 2.0).sqrt();
+    let round = shiny(&mesh, &constant(alpha, alpha, 0.0), &scene);
+    mesh.tangents.fill(glam::Vec4::ZERO);
+    let lost = shiny(&mesh, &constant(0.1, 0.3, 40.0), &scene);
+    assert!(largest_difference(&round, &lost) < 1e-3);
+}
+
+#[test]
+fn bent_normals_and_grazing_light_stay_finite() {
+    let mut mesh = crate::mesh::torus();
+    for (i, n) in mesh.normals.iter_mut().enumerate() {
+        // Up to 30 degrees off, and some useless.
+        *n = (*n + Vec3::new(0.5, -0.3, 0.2) * ((i % 7) as f32 / 7.0)).normalize();
+        if i % 101 == 0 {
+            *n = Vec3::ZERO;
+        }
+    }
+    let scene = Scene::with_rig(&mesh, Rig::Lamp);
+    let map = constant(0.001, 1.5, 10.0);
+    for model in Model::ALL {
+        let look = Look { model, mean: false };
+        let picture = draw(&mesh, &map, &Material::default(), &scene, &[look]).remove(0);
+        let fine = |p: &[f32; 3]| p.iter().all(|c| c.is_finite() && *c >= 0.0);
+        assert!(picture.pixels().iter().all(fine), "{model}");
+    }
+}
+
+#[test]
+fn every_stock_mesh_lies_whole_in_its_picture() {
+    for name in crate::mesh::BUILTIN_NAMES {
+        let mesh = crate::mesh::builtin(name).unwrap();
+        let mut scene = Scene::for_mesh(&mesh);
+        scene.check().unwrap();
+        scene.background = Background {
+            top: [0.0; 3],
+            bottom: [0.0; 3],
+        };
+        let picture = draw(
+            &mesh,
+            &constant(0.2, 0.4, 0.0),
+            &Material::default(),
+            &scene,
+            &[WARD],
+        )
+        .remove(0);
+        let lit = |x: u32, y: u32| picture.pixel(x, y)[0] > 0.0;
+        let covered = (0..96 * 96).filter(|i| lit(i % 96, i / 96)).count();
+        assert!(covered > 96 * 96 / 4, "{name} fills {covered} pixels");
+        let edge = (0..96).any(|i| lit(i, 0) || lit(i, 95) || lit(0, i) || lit(95, i));
+        assert!(!edge, "{name} reaches the picture's edge");
+    }
+}
+
+#[test]
+fn bands_cover_the_samples_and_begin_at_whole_pixels() {
+    for s in [
+        size(1, 1),
+        size(96, 96),
+        size(5000, 7001),
+        size(32_768, 8192),
+    ] {
+        let mut next = 0;
+        for band in bands(s) {
+            assert_eq!((band.x, band.width, band.y), (0, s.width(), next));
+            assert_eq!(band.y % TILE, 0);
+            assert!(band.texels() as u64 <= BAND_SAMPLES.max(u64::from(s.width() * TILE)));
+            next += band.height;
+        }
+        assert_eq!(next, s.height());
+    }
+}
+
+#[test]
+fn progress_counts_to_its_end_and_cancelling_stops() {
+    let mesh = crate::mesh::torus();
+    let map = constant(0.2, 0.4, 0.0);
+    let material = Material::default();
+    let subject = Subject {
+        mesh: &mesh,
+        map: &map,
+        material: &material,
+    };
+    let scene = Scene::for_mesh(&mesh);
+    let last = std::sync::Mutex::new((0, 0));
+    let listen = |done: u64, total: u64| {
+        *last.lock().unwrap() = (done, total);
+        true
+    };
+    let run = |progress: &Progress<'_>| {
+        render_sheet(subject, &scene, &[WARD, WARD], size(64, 48), progress)
+    };
+    run(&Progress::new(&listen)).unwrap();
+    assert_eq!(*last.lock().unwrap(), (3, 3));
+    let stop = |_: u64, _: u64| false;
+    assert!(matches!(run(&Progress::new(&stop)), Err(Error::Cancelled)));
+}
+
+#[test]
+fn too_many_samples_are_refused_with_the_picture_size() {
+    let e = sample_grid(size(16_384, 16_384), 2)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        e.contains("16384x16384") && e.contains("fewer samples"),
+        "{e}"
+    );
+}
