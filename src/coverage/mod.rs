@@ -1,5 +1,8 @@
-//! Shapes to coverage, with the direction in which they run. The one module that knows tiny-skia.
+//! Shapes to coverage: strokes in f32 with the direction in which they run, filled shapes as masks. The one module that
+//! knows tiny-skia.
 
+mod mask;
 mod stroke;
 
+pub use mask::{DrawnMask, Outline};
 pub use stroke::{Grid, Stroke};
