@@ -17,9 +17,10 @@ pub mod coverage;
 pub mod pattern;
 
 pub mod filter;
-pub mod raster;
+pub mod recipe;
 
 pub mod preview;
+pub mod raster;
 
 pub mod analyse;
 

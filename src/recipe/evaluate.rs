@@ -1,0 +1,586 @@
+//! A recipe to a map, in two steps: [`Recipe::prepare`] does once what needs the whole; [`Prepared::fill`] is pure and
+//! gives for any rectangle exactly what the whole would.
+
+use super::layer::{Blend, derived_seed};
+use super::{Channels, Layer, Mask, MaskSource, Recipe, Source};
+use crate::coverage::DrawnMask;
+use crate::error::Result;
+use crate::map::{
+    ALPHA_MAX, ALPHA_MIN, AnisoMap, DEFAULT_TEXEL, Rect, Region, RegionMut, Size, Wrap,
+};
+use crate::math::{AXIS_MIN_LENGTH, Axis, smoothstep};
+use crate::pattern::{Fill, Patch, Surface};
+use crate::progress::Progress;
+use glam::Vec2;
+use rayon::prelude::*;
+use std::path::PathBuf;
+
+/// Texels of a tile: its planes, about 30 bytes a texel, stay in a core's second cache.
+const TILE_WIDTH: u32 = 256;
+const TILE_HEIGHT: u32 = 32;
+/// Texels of a band that one pattern fills straight into the map.
+const BAND_TEXELS: u32 = 32_768;
+
+/// Where the files that a recipe names may lie.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Files {
+    /// The recipe's own folder; without one it may name no files.
+    pub folder: Option<PathBuf>,
+    /// Whether files outside that folder are allowed.
+    pub allow_outside: bool,
+}
+
+/// A recipe prepared for one size.
+pub struct Prepared {
+    size: Size,
+    wrap: Wrap,
+    layers: Vec<PreparedLayer>,
+    adjust: Option<Turned>,
+}
+
+struct PreparedLayer {
+    opacity: f32,
+    channels: Channels,
+    source: Box<dyn Fill>,
+    mask: Option<PreparedMask>,
+}
+
+struct PreparedMask {
+    invert: bool,
+    source: Weights,
+}
+
+enum Weights {
+    Value {
+        source: Box<dyn Fill>,
+        low: f32,
+        high: f32,
+    },
+    Drawn(DrawnMask),
+}
+
+/// [`super::Adjust`] with its angle taken apart.
+struct Turned {
+    alpha_x: f32,
+    alpha_y: f32,
+    axis: Axis,
+}
+
+impl Recipe {
+    /// Does once what needs the whole: checks, drawn masks, the patterns' own tables. Hidden layers are left out.
+    ///
+    /// # Errors
+    /// As [`Recipe::check`].
+    pub fn prepare(&self, size: Size, _files: &Files) -> Result<Prepared> {
+        self.check()?;
+        let surface = Surface {
+            size,
+            aspect: self.aspect_at(size),
+            wrap: self.wrap,
+            seed: self.seed,
+        };
+        let shown = self.layers.iter().filter(|l| l.visible && l.opacity > 0.0);
+        let adjust = self.adjust;
+        Ok(Prepared {
+            size,
+            wrap: self.wrap,
+            layers: shown
+                .map(|layer| prepare_layer(layer, &surface))
+                .collect::<Result<_>>()?,
+            adjust: (adjust != super::Adjust::default()).then(|| Turned {
+                alpha_x: adjust.alpha_x,
+                alpha_y: adjust.alpha_y,
+                axis: Axis::from_degrees(adjust.turn),
+            }),
+        })
+    }
+}
+
+fn prepare_layer(layer: &Layer, surface: &Surface) -> Result<PreparedLayer> {
+    let seed = layer.seed_in(surface.seed);
+    let own = Surface { seed, ..*surface };
+    let Blend::Mix = layer.blend;
+    Ok(PreparedLayer {
+        opacity: layer.opacity,
+        channels: layer.channels,
+        source: match &layer.source {
+            Source::Pattern(p) => p.prepare(&own)?,
+        },
+        mask: match &layer.mask {
+            Some(mask) => Some(prepare_mask(mask, &own)?),
+            None => None,
+        },
+    })
+}
+
+fn prepare_mask(mask: &Mask, surface: &Surface) -> Result<PreparedMask> {
+    let source = match &mask.source {
+        MaskSource::Pattern(p) => {
+            let seed = mask
+                .seed
+                .unwrap_or_else(|| derived_seed(surface.seed, "mask"));
+            let (low, high) = mask.thresholds();
+            Weights::Value {
+                source: p.prepare(&Surface { seed, ..*surface })?,
+                low,
+                high,
+            }
+        }
+        shape => {
+            let outline = shape.outline().expect("no pattern")?;
+            let feather = Vec2::splat(mask.feather.unwrap_or(0.0)) / surface.texel();
+            Weights::Drawn(DrawnMask::draw(
+                &outline,
+                surface.size,
+                surface.wrap,
+                feather,
+            ))
+        }
+    };
+    Ok(PreparedMask {
+        invert: mask.invert,
+        source,
+    })
+}
+
+/// Room for one tile's work, kept from tile to tile.
+#[derive(Default)]
+struct Scratch {
+    layer: [Vec<f32>; 4],
+    coverage: Vec<f32>,
+    value: Vec<f32>,
+    weight: Vec<f32>,
+}
+
+impl Scratch {
+    fn resize(&mut self, texels: usize) {
+        let vectors = [&mut self.coverage, &mut self.value, &mut self.weight];
+        for v in self.layer.iter_mut().chain(vectors) {
+            v.resize(texels, 0.0);
+        }
+    }
+
+    /// The layer's planes as a region that lies at `rect`, and what a patch needs beside it.
+    fn patch(&mut self, rect: Rect) -> Patch<'_> {
+        let [alpha_x, alpha_y, cos2, sin2] = &mut self.layer;
+        Patch {
+            region: RegionMut {
+                rect,
+                alpha_x,
+                alpha_y,
+                cos2,
+                sin2,
+            },
+            coverage: &mut self.coverage,
+            value: &mut self.value,
+        }
+    }
+}
+
+impl Prepared {
+    /// The size it was prepared for.
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
+    /// Fills any rectangle of the map, exactly as the whole would be there.
+    ///
+    /// # Panics
+    /// When the rectangle reaches outside the map.
+    pub fn fill(&self, region: RegionMut<'_>) {
+        let inside = self.size.rect().intersection(region.rect) == Some(region.rect);
+        assert!(inside, "{:?} reaches outside {}", region.rect, self.size);
+        self.fill_with(region, &mut Scratch::default());
+    }
+
+    /// A rectangle of the map, exactly as the whole would be there.
+    ///
+    /// # Panics
+    /// When the rectangle reaches outside the map.
+    pub fn region(&self, rect: Rect) -> Region {
+        let mut region = Region::constant(rect, DEFAULT_TEXEL);
+        self.fill(region.view_mut());
+        region
+    }
+
+    /// The whole map, on all threads of the current pool.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`] when `progress` says so.
+    pub fn map(&self, progress: &Progress<'_>) -> Result<AnisoMap> {
+        let mut map = AnisoMap::constant(self.size, self.wrap, DEFAULT_TEXEL);
+        let rows = match self.only_layer() {
+            Some(_) => (BAND_TEXELS / self.size.width()).max(1),
+            None => TILE_HEIGHT,
+        };
+        let bands = map.bands_mut(rows);
+        progress.expect(bands.len() as u64);
+        bands
+            .into_par_iter()
+            .try_for_each_init(Scratch::default, |scratch, band| {
+                progress.check()?;
+                self.fill_with(band, scratch);
+                progress.step()
+            })?;
+        Ok(map)
+    }
+
+    /// The layer that can be filled straight into the map: the only one, opaque, unmasked, of every channel.
+    fn only_layer(&self) -> Option<&PreparedLayer> {
+        match &self.layers[..] {
+            [layer]
+                if layer.mask.is_none()
+                    && layer.opacity == 1.0
+                    && layer.channels == Channels::ALL =>
+            {
+                Some(layer)
+            }
+            _ => None,
+        }
+    }
+
+    fn fill_with(&self, mut region: RegionMut<'_>, scratch: &mut Scratch) {
+        if let Some(layer) = self.only_layer() {
+            fill_straight(layer, region.reborrow(), scratch);
+        } else {
+            set_default(&mut region);
+            let width = region.rect.width.min(TILE_WIDTH);
+            let height = (TILE_WIDTH * TILE_HEIGHT / width).min(region.rect.height);
+            for tile in tiles(region.rect, width, height) {
+                scratch.resize(tile.texels());
+                for layer in &self.layers {
+                    layer.blend_over(&mut region, tile, scratch);
+                }
+            }
+        }
+        if let Some(adjust) = &self.adjust {
+            adjust.apply(&mut region);
+        }
+    }
+}
+
+fn set_default(region: &mut RegionMut<'_>) {
+    region.alpha_x.fill(DEFAULT_TEXEL.alpha_x);
+    region.alpha_y.fill(DEFAULT_TEXEL.alpha_y);
+    region.cos2.fill(DEFAULT_TEXEL.axis.cos2);
+    region.sin2.fill(DEFAULT_TEXEL.axis.sin2);
+}
+
+/// Tiles of `width` x `height` texels that cover a rectangle; those at its right and lower edge may be smaller.
+fn tiles(rect: Rect, width: u32, height: u32) -> impl Iterator<Item = Rect> {
+    let rows = (rect.y..rect.y + rect.height).step_by(height as usize);
+    rows.flat_map(move |y| {
+        let columns = (rect.x..rect.x + rect.width).step_by(width as usize);
+        columns.map(move |x| Rect {
+            x,
+            y,
+            width: width.min(rect.x + rect.width - x),
+            height: height.min(rect.y + rect.height - y),
+        })
+    })
+}
+
+/// The pattern writes into the map itself; only what it does not cover is blended, with the default below it.
+fn fill_straight(layer: &PreparedLayer, region: RegionMut<'_>, scratch: &mut Scratch) {
+    let texels = region.rect.texels();
+    scratch.coverage.resize(texels, 0.0);
+    scratch.value.resize(texels, 0.0);
+    let mut patch = Patch {
+        region,
+        coverage: &mut scratch.coverage,
+        value: &mut scratch.value,
+    };
+    layer.source.fill(&mut patch);
+    let RegionMut {
+        alpha_x,
+        alpha_y,
+        cos2,
+        sin2,
+        ..
+    } = patch.region;
+    if patch.coverage.iter().all(|c| *c == 1.0) {
+        return;
+    }
+    let coverage = &*patch.coverage;
+    let over = |plane: &mut [f32], below: f32| {
+        for (p, w) in plane.iter_mut().zip(coverage) {
+            *p = below * (1.0 - w) + *p * w;
+        }
+    };
+    over(alpha_x, DEFAULT_TEXEL.alpha_x);
+    over(alpha_y, DEFAULT_TEXEL.alpha_y);
+    over(cos2, DEFAULT_TEXEL.axis.cos2);
+    over(sin2, DEFAULT_TEXEL.axis.sin2);
+    settle_all(alpha_x, alpha_y, cos2, sin2, coverage);
+}
+
+impl PreparedLayer {
+    /// Fills a tile of the layer and blends it over the region below.
+    fn blend_over(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch) {
+        if let Some(mask) = &self.mask {
+            mask.fill(tile, scratch);
+            if scratch.weight.iter().all(|w| *w == 0.0) {
+                return; // nothing of the layer shows here
+            }
+        }
+        self.source.fill(&mut scratch.patch(tile));
+        match &self.mask {
+            Some(_) => {
+                for (w, c) in scratch.weight.iter_mut().zip(&scratch.coverage) {
+                    *w *= c * self.opacity;
+                }
+            }
+            None => {
+                for (w, c) in scratch.weight.iter_mut().zip(&scratch.coverage) {
+                    *w = c * self.opacity;
+                }
+            }
+        }
+        let n = tile.width as usize;
+        for (j, y) in (tile.y..tile.y + tile.height).enumerate() {
+            let (to, from) = (region.rect.index(tile.x, y), j * n);
+            self.blend_row(region, to, scratch, from, n);
+        }
+    }
+
+    fn blend_row(
+        &self,
+        region: &mut RegionMut<'_>,
+        to: usize,
+        scratch: &Scratch,
+        from: usize,
+        n: usize,
+    ) {
+        let weight = &scratch.weight[from..from + n];
+        let [ax, ay, c, s] = [0, 1, 2, 3].map(|i: usize| &scratch.layer[i][from..from + n]);
+        let alpha_x = &mut region.alpha_x[to..to + n];
+        let alpha_y = &mut region.alpha_y[to..to + n];
+        if self.channels.alpha_x {
+            mix(alpha_x, ax, weight);
+        }
+        if self.channels.alpha_y {
+            mix(alpha_y, ay, weight);
+        }
+        if self.channels.direction {
+            let cos2 = &mut region.cos2[to..to + n];
+            let sin2 = &mut region.sin2[to..to + n];
+            mix(cos2, c, weight);
+            mix(sin2, s, weight);
+            settle_all(alpha_x, alpha_y, cos2, sin2, weight);
+        }
+    }
+}
+
+/// Blends `over` into `plane`; exact at weights 0 and 1.
+fn mix(plane: &mut [f32], over: &[f32], weight: &[f32]) {
+    for ((p, o), w) in plane.iter_mut().zip(over).zip(weight) {
+        *p = *p * (1.0 - w) + o * w;
+    }
+}
+
+/// Ends a blend of whole rows as [`crate::map::settle`] ends that of a texel. Where the weight is 0 or 1 nothing was
+/// blended, and the axis is left as it came.
+fn settle_all(
+    alpha_x: &mut [f32],
+    alpha_y: &mut [f32],
+    cos2: &mut [f32],
+    sin2: &mut [f32],
+    weight: &[f32],
+) {
+    let alphas = alpha_x.iter_mut().zip(alpha_y);
+    let axes = cos2.iter_mut().zip(sin2);
+    for (((ax, ay), (c, s)), w) in alphas.zip(axes).zip(weight) {
+        let length = (*c * *c + *s * *s).sqrt();
+        let blended = *w > 0.0 && *w < 1.0;
+        let lost = blended && length < AXIS_MIN_LENGTH;
+        let scale = if blended {
+            1.0 / length.max(AXIS_MIN_LENGTH)
+        } else {
+            1.0
+        };
+        let round = (*ax * *ay).sqrt();
+        *ax = if lost { round } else { *ax };
+        *ay = if lost { round } else { *ay };
+        *c = if lost { 1.0 } else { *c * scale };
+        *s = if lost { 0.0 } else { *s * scale };
+    }
+}
+
+impl PreparedMask {
+    /// The weights of a tile, into the scratch's `weight`.
+    fn fill(&self, tile: Rect, scratch: &mut Scratch) {
+        match &self.source {
+            Weights::Drawn(mask) => mask.fill(tile, &mut scratch.weight),
+            Weights::Value { source, low, high } => {
+                source.fill(&mut scratch.patch(tile));
+                for (w, v) in scratch.weight.iter_mut().zip(&scratch.value) {
+                    *w = smoothstep(*low, *high, *v);
+                }
+            }
+        }
+        if self.invert {
+            scratch.weight.iter_mut().for_each(|w| *w = 1.0 - *w);
+        }
+    }
+}
+
+impl Turned {
+    fn apply(&self, region: &mut RegionMut<'_>) {
+        let scale = |plane: &mut [f32], factor: f32| {
+            if factor != 1.0 {
+                for a in plane {
+                    *a = (*a * factor).clamp(ALPHA_MIN, ALPHA_MAX);
+                }
+            }
+        };
+        scale(region.alpha_x, self.alpha_x);
+        scale(region.alpha_y, self.alpha_y);
+        if self.axis == Axis::U {
+            return;
+        }
+        for (c, s) in region.cos2.iter_mut().zip(region.sin2.iter_mut()) {
+            let turned = Axis { cos2: *c, sin2: *s }.turned(self.axis);
+            (*c, *s) = (turned.cos2, turned.sin2);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::RecipeFile;
+    use super::*;
+    use crate::error::Error;
+    use crate::map::{Texel, blend};
+
+    fn map(text: &str) -> AnisoMap {
+        let file = RecipeFile::parse(&format!("version = 1\n{text}"), "t.toml", None).unwrap();
+        let recipe = file.recipe();
+        let prepared = recipe.prepare(recipe.size, &Files::default()).unwrap();
+        prepared.map(&Progress::none()).unwrap()
+    }
+
+    fn texel(alpha_x: f32, alpha_y: f32, degrees: f32) -> Texel {
+        Texel {
+            alpha_x,
+            alpha_y,
+            axis: Axis::from_degrees(degrees),
+        }
+    }
+
+    fn near(a: Texel, b: Texel) -> bool {
+        (a.alpha_x - b.alpha_x).abs() < 1e-6
+            && (a.alpha_y - b.alpha_y).abs() < 1e-6
+            && a.axis.angle_to(b.axis) < 1e-6
+    }
+
+    const MANY: &str = "size = [700, 130]\naspect = 2.0\n[adjust]\nalpha_x = 1.1\nturn = 20\n\
+        [[layers]]\nname = 'a'\nconstant = { alpha_x = 0.1, alpha_y = 0.4, angle = 30.0 }\n\
+        [[layers]]\nname = 'b'\nopacity = 0.7\nconstant = { alpha_x = 0.3, alpha_y = 0.05, angle = 100.0 }\n\
+        [layers.mask]\npath = 'M 0.1 0.1 C 0.9 0.2 0.8 1.2 0.3 0.9 Z'\nfeather = 0.3\n\
+        [[layers]]\nname = 'c'\nchannels = ['direction']\nconstant.angle = 60.0\n\
+        [layers.mask]\ninvert = true\npolygon = [[0.5, 0.5], [1.2, 0.4], [0.9, 0.9]]\n";
+
+    #[test]
+    fn no_layers_give_the_default_and_the_top_layer_wins() {
+        assert!(near(map("size = 3").texel(1, 1), DEFAULT_TEXEL));
+        let two = "size = 2\n[[layers]]\nname = 'a'\n[layers.constant]\n[[layers]]\n[layers.constant]\nalpha_x = 0.1\nalpha_y = 0.4\nangle = 45.0";
+        assert_eq!(map(two).texel(0, 0), texel(0.1, 0.4, 45.0), "to the bit");
+    }
+
+    #[test]
+    fn opacity_blends_as_the_map_does() {
+        let text = "size = 2\n[[layers]]\nname = 'a'\nconstant = { alpha_x = 0.1, alpha_y = 0.4, angle = 1.0 }\n\
+            [[layers]]\nopacity = 0.3\nconstant = { alpha_x = 0.3, alpha_y = 0.2, angle = 179.0 }";
+        let want = blend(texel(0.1, 0.4, 1.0), texel(0.3, 0.2, 179.0), 0.3);
+        assert!(near(map(text).texel(1, 0), want));
+        let crossed = text
+            .replace("179.0", "91.0")
+            .replace("opacity = 0.3", "opacity = 0.5");
+        let got = map(&crossed).texel(0, 0);
+        let area = (0.2f32 * 0.3).sqrt();
+        assert!((got.alpha_x - area).abs() < 1e-4 && (got.alpha_y - area).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_layer_touches_only_its_channels() {
+        let text = "size = 2\n[[layers]]\nname = 'a'\nconstant = { alpha_x = 0.1, alpha_y = 0.4, angle = 10.0 }\n\
+            [[layers]]\nchannels = ['alpha_y']\nconstant = { alpha_x = 0.3, alpha_y = 0.2, angle = 50.0 }";
+        assert!(near(map(text).texel(0, 0), texel(0.1, 0.2, 10.0)));
+        let direction = text.replace("'alpha_y'", "'direction'");
+        assert!(near(map(&direction).texel(0, 0), texel(0.1, 0.4, 50.0)));
+    }
+
+    #[test]
+    fn a_direction_outlives_equal_alphas() {
+        // The middle layer makes the texel round; the upper one brings the alphas back, and the direction is still there.
+        let text = "size = 2\n[[layers]]\nname = 'a'\nconstant = { alpha_x = 0.1, alpha_y = 0.4, angle = 70.0 }\n\
+            [[layers]]\nname = 'b'\nchannels = ['alpha_x', 'alpha_y']\nconstant = { alpha_x = 0.2, alpha_y = 0.2 }\n\
+            [[layers]]\nname = 'c'\nchannels = ['alpha_x', 'alpha_y']\nconstant = { alpha_x = 0.1, alpha_y = 0.3 }";
+        assert!(near(map(text).texel(0, 0), texel(0.1, 0.3, 70.0)));
+    }
+
+    #[test]
+    fn hidden_layers_do_not_exist() {
+        let text = "size = 2\n[[layers]]\nvisible = false\nconstant.alpha_x = 1.0";
+        assert!(near(map(text).texel(0, 0), DEFAULT_TEXEL));
+    }
+
+    #[test]
+    fn adjust_scales_turns_and_stays_in_range() {
+        let text = "size = 2\n[adjust]\nalpha_x = 2\nalpha_y = 100\nturn = 100\n[[layers]]\nconstant = { alpha_x = 0.1, alpha_y = 0.4, angle = 100.0 }";
+        assert!(near(map(text).texel(1, 1), texel(0.2, ALPHA_MAX, 20.0)));
+    }
+
+    #[test]
+    fn a_mask_shows_a_layer_inside_its_shape_only() {
+        let text = "size = 8\n[[layers]]\nconstant.alpha_x = 1.0\nmask.polygon = [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]";
+        let plain = map(text);
+        assert_eq!(
+            (plain.texel(0, 0).alpha_x, plain.texel(7, 0).alpha_x),
+            (1.0, 0.2)
+        );
+        let inverted = map(&format!("{text}\nmask.invert = true"));
+        assert_eq!(
+            (inverted.texel(0, 0).alpha_x, inverted.texel(7, 0).alpha_x),
+            (0.2, 1.0)
+        );
+    }
+
+    #[test]
+    fn any_cut_and_any_number_of_threads_give_the_same_bytes() {
+        let file = RecipeFile::parse(&format!("version = 1\n{MANY}"), "t.toml", None).unwrap();
+        let size = file.recipe().size;
+        let prepared = file.recipe().prepare(size, &Files::default()).unwrap();
+        let whole = prepared.map(&Progress::none()).unwrap();
+        for side in [64, 61] {
+            for rect in size.rect().tiles(side) {
+                assert_eq!(prepared.region(rect), whole.region(rect));
+            }
+        }
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            assert!(pool.install(|| prepared.map(&Progress::none()).unwrap()) == whole);
+        }
+        for i in 0..size.texels() {
+            let t = whole.texel_at(i);
+            assert!((t.axis.double_angle().length() - 1.0).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_cancelled_map_is_an_error() {
+        let file = RecipeFile::parse("version = 1\nsize = 256\n", "t.toml", None).unwrap();
+        let prepared = file
+            .recipe()
+            .prepare(file.recipe().size, &Files::default())
+            .unwrap();
+        let no = |_: u64, _: u64| false;
+        assert!(matches!(
+            prepared.map(&Progress::new(&no)),
+            Err(Error::Cancelled)
+        ));
+    }
+}
