@@ -4,7 +4,7 @@
 
 use crate::map::{Rect, Size};
 use glam::Vec2;
-use tiny_skia::{Path, PathSegment};
+use tiny_skia::{Path, PathBuilder, PathSegment};
 
 /// How texels lie on the surface: `size` texels over `extent` surface units, row 0 at the top.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,6 +90,20 @@ impl Stroke {
         }
         points.dedup();
         (points.len() > 1 && points.iter().all(|p| p.is_finite())).then_some(Self { points, width })
+    }
+
+    /// A stroke along the quadratic curve from `from` past `control` to `to`.
+    pub fn quadratic(
+        from: Vec2,
+        control: Vec2,
+        to: Vec2,
+        width: f32,
+        tolerance: f32,
+    ) -> Option<Self> {
+        let mut path = PathBuilder::new();
+        path.move_to(from.x, from.y);
+        path.quad_to(control.x, control.y, to.x, to.y);
+        Self::new(&path.finish()?, width, tolerance)
     }
 
     /// The stroke moved.
@@ -243,7 +257,7 @@ impl Segment {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tiny_skia::{FillRule, LineCap, Mask, PathBuilder, Transform};
+    use tiny_skia::{FillRule, LineCap, Mask, Transform};
 
     fn grid(n: u32) -> Grid {
         Grid {

@@ -8,7 +8,6 @@ use crate::math::{Axis, exp, ln};
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
-use tiny_skia::PathBuilder;
 
 /// Single scratches, hundreds to hundreds of thousands. Covers only what they touch; its value, for masks, is that coverage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -115,7 +114,7 @@ impl Scratches {
             size: surface.size,
             extent: surface.extent(),
         };
-        let texel = grid.texel().min_element();
+        let tolerance = 0.125 * grid.texel().min_element().max(1e-5);
         let columns = surface.size.width().div_ceil(TILE);
         let rows = surface.size.height().div_ceil(TILE);
         let mut marks = Marks {
@@ -126,25 +125,24 @@ impl Scratches {
         };
         for n in 0..self.count {
             let mut random = Random::new(seed32(surface.seed, 3), n);
-            let (path, width) = self.path(surface.extent(), &mut random);
+            let Some(stroke) = self.stroke(surface.extent(), &mut random, tolerance) else {
+                continue;
+            };
             let gain = self.spread * random.normal();
             let clamp = |alpha: f32| (alpha * exp(gain)).clamp(ALPHA_MIN, ALPHA_MAX);
             let mark = Mark {
+                stroke,
                 alpha_along: clamp(self.alpha_along),
                 alpha_across: clamp(self.alpha_across),
                 depth: self.depth * (1.0 - self.depth_spread * random.unit()),
-                stroke: match path.and_then(|p| Stroke::new(&p, width, 0.125 * texel.max(1e-5))) {
-                    Some(stroke) => stroke,
-                    None => continue,
-                },
             };
             marks.add(mark, surface);
         }
         marks
     }
 
-    /// One scratch as a path in surface units, and its width.
-    fn path(&self, extent: Vec2, random: &mut Random) -> (Option<tiny_skia::Path>, f32) {
+    /// One scratch, in surface units.
+    fn stroke(&self, extent: Vec2, random: &mut Random, tolerance: f32) -> Option<Stroke> {
         let middle = Vec2::new(random.unit(), random.unit()) * extent;
         let lean = if self.angle_spread >= 90.0 {
             180.0 * random.unit()
@@ -160,11 +158,7 @@ impl Scratches {
             .to_radians();
         let half = 0.5 * length * direction;
         let control = middle + direction.perp() * (0.25 * length * bend);
-        let (from, to) = (middle - half, middle + half);
-        let mut path = PathBuilder::new();
-        path.move_to(from.x, from.y);
-        path.quad_to(control.x, control.y, to.x, to.y);
-        (path.finish(), width)
+        Stroke::quadratic(middle - half, control, middle + half, width, tolerance)
     }
 }
 

@@ -13,8 +13,36 @@ pub struct Preset {
     pub text: &'static str,
 }
 
+/// The preset in `presets/NAME.toml`.
+macro_rules! preset_file {
+    ($name:literal) => {
+        Preset {
+            name: $name,
+            text: include_str!(concat!("../../presets/", $name, ".toml")),
+        }
+    };
+}
+
 /// Every preset, in the order of their names.
-pub const PRESETS: &[Preset] = &[];
+pub const PRESETS: &[Preset] = &[
+    preset_file!("brushed_aluminium"),
+    preset_file!("brushed_aluminium_coarse"),
+    preset_file!("canvas"),
+    preset_file!("compact_disc"),
+    preset_file!("cross_brushed_plate"),
+    preset_file!("gold_watch_face"),
+    preset_file!("lathe_cut_steel"),
+    preset_file!("pot"),
+    preset_file!("rolled_aluminium"),
+    preset_file!("rolled_brass"),
+    preset_file!("satin"),
+    preset_file!("scratched_steel"),
+    preset_file!("spun_copper"),
+    preset_file!("turned_disc"),
+    preset_file!("twill"),
+    preset_file!("varnished_wood"),
+    preset_file!("vinyl_record"),
+];
 
 impl Preset {
     /// What it is, in one line: the recipe's `description`, read from the text without the rest.
