@@ -32,6 +32,7 @@ pub const PRESETS: &[Preset] = &[
     preset_file!("cross_brushed_plate"),
     preset_file!("gold_watch_face"),
     preset_file!("lathe_cut_steel"),
+    preset_file!("lightly_brushed_aluminium"),
     preset_file!("pot"),
     preset_file!("rolled_aluminium"),
     preset_file!("rolled_brass"),
