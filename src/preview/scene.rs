@@ -206,10 +206,7 @@ impl Scene {
         let (camera, radius) = frame(mesh);
         let mut lights = rig.lights(&camera, radius);
         if let (Some(normal), Some(key)) = (flat(mesh), lights.first_mut()) {
-            // Turned rings and spokes show their fans of light only when the half vector leaves the normal.
-            let lean = if mesh.name == "disc" { 0.22 } else { 0.0 };
-            let facet = (normal + lean * normal.any_orthonormal_vector()).normalize_or(normal);
-            *key = mirrored_lamp(&camera, facet, radius);
+            *key = raised_lamp(&camera, normal, radius);
         }
         Self {
             lights,
@@ -294,14 +291,21 @@ fn flat(mesh: &Mesh) -> Option<Vec3> {
         .find(|axis| extent.dot(*axis) < 0.02 * extent.max_element())
 }
 
-/// A lamp whose mirror image in a facet of this normal stands in the middle of a flat surface: distant light would hit it
-/// everywhere or nowhere.
-fn mirrored_lamp(camera: &Camera, normal: Vec3, radius: f32) -> Light {
-    let [_, _, back] = camera.basis();
-    let distance = 2.2 * radius;
+/// A lamp for a flat surface, which distant light would hit everywhere or nowhere: the half vector leans upward from the
+/// normal, so the mirror image stands near the upper edge. Grooves that run across the picture then show a band, rings a fan.
+fn raised_lamp(camera: &Camera, normal: Vec3, radius: f32) -> Light {
+    let [_, up, back] = camera.basis();
+    let normal = if normal.dot(back) < 0.0 {
+        -normal
+    } else {
+        normal
+    };
+    let upward = (up - normal * normal.dot(up)).normalize_or_zero();
+    let half = (normal + upward * 0.2).normalize();
+    let distance = 8.0 * radius;
     Light::Point {
-        position: camera.target + (normal * (2.0 * normal.dot(back)) - back) * distance,
-        intensity: [0.7 * distance * distance; 3],
+        position: camera.target + (half * (2.0 * half.dot(back)) - back) * distance,
+        intensity: [1.2 * distance * distance; 3],
     }
 }
 
