@@ -206,7 +206,7 @@ impl Scene {
         let (camera, radius) = frame(mesh);
         let mut lights = rig.lights(&camera, radius);
         if let (Some(normal), Some(key)) = (flat(mesh), lights.first_mut()) {
-            *key = raised_lamp(&camera, normal, radius);
+            *key = near_lamp(&camera, normal, mesh.name == "disc", radius);
         }
         Self {
             lights,
@@ -291,21 +291,19 @@ fn flat(mesh: &Mesh) -> Option<Vec3> {
         .find(|axis| extent.dot(*axis) < 0.02 * extent.max_element())
 }
 
-/// A lamp for a flat surface, which distant light would hit everywhere or nowhere: the half vector leans upward from the
-/// normal, so the mirror image stands near the upper edge. Grooves that run across the picture then show a band, rings a fan.
-fn raised_lamp(camera: &Camera, normal: Vec3, radius: f32) -> Light {
+/// A lamp for a flat surface, which distant light would hit everywhere or nowhere. Its mirror image stands in the middle of
+/// straight grooves, so that they show a band; over `rings` it leans upward, since at their normal all of them answer alike
+/// and only beside it do they show a fan.
+fn near_lamp(camera: &Camera, normal: Vec3, rings: bool, radius: f32) -> Light {
     let [_, up, back] = camera.basis();
-    let normal = if normal.dot(back) < 0.0 {
-        -normal
-    } else {
-        normal
-    };
+    let normal = normal * if normal.dot(back) < 0.0 { -1.0 } else { 1.0 };
     let upward = (up - normal * normal.dot(up)).normalize_or_zero();
-    let half = (normal + upward * 0.2).normalize();
-    let distance = 8.0 * radius;
+    let (lean, irradiance) = if rings { (0.22, 0.7) } else { (0.0, 0.5) };
+    let half = (normal + upward * lean).normalize_or(normal);
+    let distance = 2.2 * radius;
     Light::Point {
         position: camera.target + (half * (2.0 * half.dot(back)) - back) * distance,
-        intensity: [1.2 * distance * distance; 3],
+        intensity: [irradiance * distance * distance; 3],
     }
 }
 
