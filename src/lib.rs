@@ -13,14 +13,19 @@ pub mod mesh;
 
 pub mod map;
 
+pub mod convention;
+
 pub mod coverage;
 pub mod pattern;
 
 pub mod filter;
+pub mod import;
 pub mod recipe;
 
 pub mod preview;
 pub mod raster;
+
+pub mod export;
 
 pub mod analyse;
 

@@ -9,6 +9,7 @@ mod lobe_fit;
 mod record;
 
 pub use lobe_fit::LobeFit;
+pub(crate) use record::generator;
 pub use record::{Content, MapInfo, MapRecord};
 
 use crate::map::Texel;

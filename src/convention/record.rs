@@ -116,9 +116,21 @@ impl MapRecord {
         }
     }
 
-    /// As one line of JSON.
+    /// As one line of JSON in plain ASCII, whatever the recipe's name is: EXR text is Latin-1 to some readers and UTF-8 to
+    /// others.
     pub fn to_json(&self) -> String {
-        serde_json::to_string(self).expect("plain text and finite numbers serialise")
+        let json = serde_json::to_string(self).expect("plain text and finite numbers serialise");
+        let mut ascii = String::with_capacity(json.len());
+        for c in json.chars() {
+            if c.is_ascii() {
+                ascii.push(c);
+            } else {
+                // Outside ASCII a JSON document has only the insides of strings.
+                let units = c.encode_utf16(&mut [0; 2]).to_vec();
+                ascii.extend(units.iter().map(|unit| format!("\\u{unit:04x}")));
+            }
+        }
+        ascii
     }
 
     /// From JSON; `None` when it is not such an object.
@@ -148,12 +160,13 @@ mod tests {
     #[test]
     fn a_record_comes_back_and_a_later_version_still_opens() {
         let info = MapInfo {
-            name: "pot \"steel\"".to_owned(),
+            name: "pot \"steel\" \u{1f373}\u{e9}".to_owned(),
             aspect: 2.5,
         };
         let record = MapRecord::new(Content::Map, &info, Wrap::RepeatU);
         let back = MapRecord::from_json(&record.to_json()).unwrap();
         assert_eq!(back, record);
+        assert!(record.to_json().is_ascii());
         assert_eq!(back.info(), info);
         let later = r#"{"version": 7, "content": "map", "aspect": -1, "mood": "good"}"#;
         let later = MapRecord::from_json(later).unwrap();

@@ -1,0 +1,196 @@
+//! Maps to files, one module a format.
+//!
+//! Each file appears whole or not at all, and is the same to the byte for any number of threads.
+
+pub mod exr;
+pub mod gltf;
+pub mod png;
+
+use crate::convention::MapInfo;
+use crate::error::{Error, Result};
+use crate::filter::{Combed, Line, comb};
+use crate::map::AnisoMap;
+use serde::Serialize;
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// A map on its way out: what every format needs, and what several of them share.
+#[derive(Debug)]
+pub struct Export<'a> {
+    map: &'a AnisoMap,
+    info: &'a MapInfo,
+    combed: OnceLock<Combed<'a>>,
+}
+
+impl<'a> Export<'a> {
+    /// Wraps a map and what is known about it.
+    pub fn new(map: &'a AnisoMap, info: &'a MapInfo) -> Self {
+        Self {
+            map,
+            info,
+            combed: OnceLock::new(),
+        }
+    }
+
+    /// The map.
+    pub fn map(&self) -> &'a AnisoMap {
+        self.map
+    }
+
+    /// What is known about it.
+    pub fn info(&self) -> &'a MapInfo {
+        self.info
+    }
+
+    /// Its x axes as arrows; combed at the first call.
+    pub fn combed(&self) -> &Combed<'a> {
+        self.combed.get_or_init(|| comb(self.map, Line::X))
+    }
+}
+
+/// A file that was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Written {
+    /// Where.
+    pub path: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+}
+
+/// `folder/name` and `_alpha.exr` to `folder/name_alpha.exr`. A dot in the name stays.
+pub fn beside(stem: &Path, suffix: &str) -> PathBuf {
+    let mut name = OsString::from(stem.as_os_str());
+    name.push(suffix);
+    PathBuf::from(name)
+}
+
+/// Writes a file that appears whole or not at all: under a temporary name in the same folder, synced to disk, then renamed.
+/// An existing file is replaced; no folder is made.
+///
+/// # Errors
+/// [`Error::Write`] with `path` when the folder is missing or not writable, the disk is full, or `path` is a folder. Nothing
+/// is left behind then.
+pub fn write_atomic(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> Result<Written> {
+    write_beside(path, write).map_err(Error::write(path))
+}
+
+fn write_beside(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> io::Result<Written> {
+    if path.is_dir() {
+        return Err(io::Error::new(
+            io::ErrorKind::IsADirectory,
+            "it is a folder; give the name of a file",
+        ));
+    }
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".anisomap-").suffix(".part");
+    // A temporary file is private by default; the result should be as readable as any other file of the user's.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let file = builder.tempfile_in(folder).map_err(|e| {
+        // tempfile puts its own path into the message; the user knows only theirs.
+        io::Error::new(e.kind(), e.kind().to_string())
+    })?;
+    let mut buffered = BufWriter::with_capacity(1 << 18, file.as_file());
+    write(&mut buffered)?;
+    buffered.flush()?;
+    drop(buffered);
+    file.as_file().sync_all()?;
+    let bytes = file.as_file().metadata()?.len();
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(Written {
+        path: path.to_owned(),
+        bytes,
+    })
+}
+
+#[cfg(test)]
+pub(crate) mod samples {
+    use crate::map::{AnisoMap, DEFAULT_TEXEL, Size, Texel, Wrap};
+    use crate::math::Axis;
+
+    /// A turned disc whose widths change from texel to texel.
+    pub(crate) fn disc((width, height): (u32, u32), wrap: Wrap) -> AnisoMap {
+        let size = Size::new(width, height).unwrap();
+        let mut map = AnisoMap::constant(size, wrap, DEFAULT_TEXEL);
+        let mut region = map.region_mut();
+        for i in 0..size.texels() {
+            let (x, y) = ((i % width as usize) as f32, (i / width as usize) as f32);
+            let angle = (0.5 * height as f32 - y).atan2(x - 0.5 * width as f32);
+            region.set(
+                i,
+                Texel {
+                    alpha_x: 0.06 + 0.02 * (0.8 * x).sin(),
+                    alpha_y: 0.3 + 0.1 * (0.5 * y).cos(),
+                    axis: Axis::from_radians(angle + 1.57),
+                },
+            );
+        }
+        map
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn a_file_appears_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let written = write_atomic(&path, |f| f.write_all(b"first")).unwrap();
+        assert_eq!((written.bytes, written.path.as_path()), (5, path.as_path()));
+        let failed = write_atomic(&path, |f| {
+            f.write_all(b"half of the sec")?;
+            Err(io::Error::other("disk full"))
+        });
+        assert!(failed.unwrap_err().to_string().contains("disk full"));
+        assert_eq!(fs::read(&path).unwrap(), b"first");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn others_may_read_what_was_written() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (ours, plain) = (folder.path().join("a"), folder.path().join("b"));
+        write_atomic(&ours, |f| f.write_all(b"x")).unwrap();
+        fs::write(&plain, b"x").unwrap();
+        let mode = |p: &Path| fs::metadata(p).unwrap().permissions().mode();
+        assert_eq!(mode(&ours), mode(&plain));
+    }
+
+    #[test]
+    fn targets_that_cannot_be_written_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let e = write_atomic(folder.path(), |_| Ok(())).unwrap_err();
+        assert_eq!(e.exit_code(), 3);
+        assert!(e.to_string().contains("folder"), "{e}");
+        let missing = folder.path().join("no").join("a.exr");
+        let e = write_atomic(&missing, |_| Ok(())).unwrap_err().to_string();
+        assert!(e.contains("a.exr") && !e.contains(".part"), "{e}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn suffixes_keep_dots_in_names() {
+        assert_eq!(
+            beside(Path::new("out/pot.v2"), "_alpha.exr"),
+            Path::new("out/pot.v2_alpha.exr")
+        );
+    }
+}
