@@ -1,12 +1,12 @@
 // Checks glTF files with the Khronos validator: node .ci/validate_gltf.mjs FILE.glb...
-// Needs `npm install gltf-validator` in a folder named by NODE_MODULES_FOLDER, or in the current one.
+// Needs the npm package gltf-validator: `npm install --prefix DIR gltf-validator`, and NODE_PATH=DIR/node_modules.
 // Prints every message; exits 1 when a file has errors or warnings, 2 when it was called wrongly.
 import { readFile } from "node:fs/promises";
 import { createRequire } from "node:module";
-import { dirname, join, resolve } from "node:path";
+import { dirname, join } from "node:path";
 
-const folder = resolve(process.env.NODE_MODULES_FOLDER ?? ".");
-const { validateBytes } = createRequire(join(folder, "package.json"))("gltf-validator");
+// An import would not look into NODE_PATH.
+const { validateBytes } = createRequire(import.meta.url)("gltf-validator");
 
 const files = process.argv.slice(2);
 if (files.length === 0) {

@@ -325,20 +325,20 @@ fn decide(bands: &[Band]) -> Vec<Vec<bool>> {
         forest.join(edge.a, edge.b, edge.support < 0.0);
     }
     let mut lean = vec![0.0f32; runs];
-    let mut run = 0;
-    for own in bands.iter().flat_map(|b| &b.rows).flat_map(|r| &r.lean) {
+    let leans = bands.iter().flat_map(|b| &b.rows).flat_map(|r| &r.lean);
+    for (run, own) in (0..).zip(leans) {
         let (root, turned) = forest.root(run);
         lean[root as usize] += signed(*own, turned);
-        run += 1;
     }
-    let mut run = 0;
+    let mut next = 0..;
     bands
         .iter()
         .map(|band| {
-            (0..band.rows.iter().map(Runs::len).sum())
-                .map(|_| {
+            let own = band.rows.iter().map(Runs::len).sum();
+            next.by_ref()
+                .take(own)
+                .map(|run| {
                     let (root, turned) = forest.root(run);
-                    run += 1;
                     turned != (lean[root as usize] < 0.0)
                 })
                 .collect()

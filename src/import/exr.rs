@@ -224,7 +224,7 @@ fn refuse(path: &Path, header: &Header) -> Result<()> {
     ) {
         return no(
             format!(
-                "its compression is {}; allowed: none, RLE, ZIP, ZIPS, PIZ, PXR24",
+                "it uses {}; allowed: none, RLE, ZIP, ZIPS, PIZ, PXR24",
                 header.compression
             ),
             "Save it with ZIP: DWA and B44 lose what a map is made of",

@@ -64,6 +64,9 @@ pub fn read_gltf(path: &Path) -> Result<Imported> {
     })
 }
 
+/// The most values a document may have: each takes up to 100 bytes of memory, and materials need few.
+const JSON_PARTS_MAX: usize = 2_000_000;
+
 /// The material's numbers.
 struct Factors {
     roughness: f32,
@@ -153,6 +156,14 @@ impl<'a> Document<'a> {
         } else {
             (bytes, None)
         };
+        let parts = text.iter().filter(|b| matches!(b, b',' | b'[' | b'{'));
+        let parts = parts.take(JSON_PARTS_MAX + 1).count();
+        if parts > JSON_PARTS_MAX {
+            return Err(Error::file(
+                path,
+                format!("its JSON has over {JSON_PARTS_MAX} values; that many are not read"),
+            ));
+        }
         let json: Value = serde_json::from_slice(text)
             .map_err(|e| Error::file(path, format!("it is not glTF: {e}")))?;
         Ok(Self { path, json, chunk })

@@ -1,6 +1,6 @@
 //! A mesh as glTF buffers: little-endian, v flipped, every normal and tangent of unit length.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::math::Frame;
 use crate::mesh::Mesh;
 use glam::{Vec3, Vec4};
@@ -24,9 +24,9 @@ impl Buffer {
     /// The mesh's vertices and indices, and the primitive that uses them.
     ///
     /// # Errors
-    /// When the mesh is empty or a number in it is not finite.
+    /// Those of [`Mesh::validate`].
     pub(super) fn add_mesh(&mut self, mesh: &Mesh) -> Result<Value> {
-        check(mesh)?;
+        mesh.validate()?;
         let positions = self.add_floats(mesh.positions.iter().map(|p| p.to_array()), "VEC3");
         let (low, high) = bounds(&mesh.positions);
         // As f64, because the shortest text of an f32 names another number.
@@ -114,38 +114,6 @@ impl Buffer {
         self.views.push(view);
         self.views.len() - 1
     }
-}
-
-fn check(mesh: &Mesh) -> Result<()> {
-    let bad = |value: String, allowed: &str| {
-        Err(Error::invalid(
-            format!("mesh `{}`", mesh.name),
-            value,
-            allowed,
-        ))
-    };
-    let n = mesh.positions.len();
-    if n == 0 || mesh.triangles.is_empty() {
-        return bad("empty".to_owned(), "needed: at least one triangle");
-    }
-    if [mesh.normals.len(), mesh.tangents.len(), mesh.uvs.len()] != [n; 3] {
-        return bad(
-            "incomplete".to_owned(),
-            "needed: a normal, tangent and UV for every position",
-        );
-    }
-    if let Some(i) = mesh.triangles.iter().flatten().find(|i| **i as usize >= n) {
-        return bad(
-            format!("using vertex {i}"),
-            "needed: indices of its own vertices",
-        );
-    }
-    let finite =
-        mesh.positions.iter().all(|p| p.is_finite()) && mesh.uvs.iter().all(|uv| uv.is_finite());
-    if !finite {
-        return bad("not finite".to_owned(), "needed: finite positions and UVs");
-    }
-    Ok(())
 }
 
 fn bounds(positions: &[Vec3]) -> (Vec3, Vec3) {

@@ -19,6 +19,7 @@ use crate::error::{Error, Result};
 use crate::filter::reduce;
 use crate::map::{AnisoMap, Size, Wrap};
 use crate::mesh::Mesh;
+use crate::recipe::Material;
 use geometry::Buffer;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -26,15 +27,6 @@ use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 use texture::{Textures, textures};
-
-/// The colours of a surface, linear RGB reflectances in 0 ..= 1.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Surface {
-    /// rho_d.
-    pub diffuse: [f32; 3],
-    /// rho_s.
-    pub specular: [f32; 3],
-}
 
 /// How a map becomes glTF textures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -80,7 +72,7 @@ pub fn write_glb(
     path: &Path,
     export: &Export<'_>,
     mesh: &Mesh,
-    surface: Surface,
+    material: &Material,
     options: GltfOptions,
 ) -> Result<(Written, GltfReport)> {
     let mut buffer = Buffer::default();
@@ -90,7 +82,7 @@ pub fn write_glb(
         .iter()
         .map(|p| json!({ "name": p.name, "mimeType": "image/png", "bufferView": buffer.add_view(&p.png, None) }))
         .collect();
-    let material = material(export, surface, &report);
+    let material = material_of(export, material, &report);
     let mut document = document(mesh, primitive, export.map().wrap(), material, images);
     document["buffers"] = json!([{ "byteLength": buffer.bytes.len() }]);
     document["bufferViews"] = json!(buffer.views);
@@ -108,7 +100,7 @@ pub fn write_gltf(
     stem: &Path,
     export: &Export<'_>,
     mesh: &Mesh,
-    surface: Surface,
+    material: &Material,
     options: GltfOptions,
 ) -> Result<(Vec<Written>, GltfReport)> {
     let mut buffer = Buffer::default();
@@ -123,7 +115,7 @@ pub fn write_gltf(
     }
     let bin = beside(stem, ".bin");
     written.push(write_atomic(&bin, |file| file.write_all(&buffer.bytes))?);
-    let material = material(export, surface, &report);
+    let material = material_of(export, material, &report);
     let mut document = document(mesh, primitive, export.map().wrap(), material, images);
     document["buffers"] = json!([{ "byteLength": buffer.bytes.len(), "uri": uri(&bin) }]);
     document["bufferViews"] = json!(buffer.views);
@@ -170,25 +162,25 @@ fn draw(export: &Export<'_>, options: GltfOptions) -> Result<([Picture; 2], Gltf
 }
 
 /// Metalness and base colour; see the head of the module.
-fn metal(surface: Surface) -> (f32, [f32; 3]) {
+fn metal(material: &Material) -> (f32, [f32; 3]) {
     const DIELECTRIC: f32 = 0.04;
     let luminance = |c: [f32; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
-    let (d, s) = (luminance(surface.diffuse), luminance(surface.specular));
+    let (d, s) = (luminance(material.diffuse), luminance(material.specular));
     // c = d + s - 0.04 (1 - m) and (1 - m) c = d: a quadratic in q = 1 - m.
     let sum = d + s;
     let q = 2.0 * d / (sum + (sum * sum - 4.0 * DIELECTRIC * d).max(0.0).sqrt()).max(1e-6);
     let color =
-        |i: usize| (surface.diffuse[i] + surface.specular[i] - DIELECTRIC * q).clamp(0.0, 1.0);
+        |i: usize| (material.diffuse[i] + material.specular[i] - DIELECTRIC * q).clamp(0.0, 1.0);
     ((1.0 - q).clamp(0.0, 1.0), std::array::from_fn(color))
 }
 
-fn material(export: &Export<'_>, surface: Surface, report: &GltfReport) -> Value {
+fn material_of(export: &Export<'_>, colors: &Material, report: &GltfReport) -> Value {
     let luminance = |c: [f32; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
-    let is_metal = luminance(surface.specular) > luminance(surface.diffuse);
+    let is_metal = luminance(colors.specular) > luminance(colors.diffuse);
     let (metallic, color) = if is_metal {
-        metal(surface)
+        metal(colors)
     } else {
-        (0.0, surface.diffuse.map(|c| c.clamp(0.0, 1.0)))
+        (0.0, colors.diffuse.map(|c| c.clamp(0.0, 1.0)))
     };
     let mut record = MapRecord::new(Content::Gltf, export.info(), export.map().wrap());
     record.lobe_fit = Some(report.lobe_fit);
@@ -211,7 +203,7 @@ fn material(export: &Export<'_>, surface: Surface, report: &GltfReport) -> Value
     });
     if !is_metal {
         material["extensions"]["KHR_materials_specular"] =
-            json!({ "specularColorFactor": surface.specular.map(|c| c.max(0.0) / 0.04) });
+            json!({ "specularColorFactor": colors.specular.map(|c| c.max(0.0) / 0.04) });
     }
     material
 }
@@ -301,10 +293,15 @@ mod tests {
     use proptest::prelude::*;
     use std::fs;
 
-    const STEEL: Surface = Surface {
-        diffuse: [0.1, 0.1, 0.1],
-        specular: [0.3, 0.29, 0.28],
-    };
+    const STEEL: Material = material([0.1; 3], [0.3, 0.29, 0.28]);
+
+    const fn material(diffuse: [f32; 3], specular: [f32; 3]) -> Material {
+        Material {
+            diffuse,
+            specular,
+            ambient: [0.0; 3],
+        }
+    }
 
     fn quad() -> Mesh {
         let corners = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
@@ -315,7 +312,7 @@ mod tests {
             // The last has none, as a pole has.
             tangents: [Vec4::new(1.0, 0.0, 0.0, 1.0); 3]
                 .into_iter()
-                .chain([Vec4::ZERO])
+                .chain([Vec4::W])
                 .collect(),
             uvs: corners.to_vec(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
@@ -362,7 +359,7 @@ mod tests {
             texture_size: None,
         };
         let export = Export::new(map, &info);
-        let (_, report) = write_glb(&path, &export, &quad(), STEEL, options).unwrap();
+        let (_, report) = write_glb(&path, &export, &quad(), &STEEL, options).unwrap();
         let back = read_gltf(&path).unwrap();
         assert_eq!(back.mended, Mended::default());
         assert_eq!((&back.info, back.map.wrap()), (&info, map.wrap()));
@@ -446,7 +443,7 @@ mod tests {
                 ..GltfOptions::default()
             };
             let stem = folder.path().join("map 1");
-            write_gltf(&stem, &Export::new(&map, &info), &quad(), STEEL, options)
+            write_gltf(&stem, &Export::new(&map, &info), &quad(), &STEEL, options)
         };
         let (written, report) = write(32, 16).unwrap();
         assert_eq!((written.len(), report.size), (4, [32, 16]));
@@ -474,7 +471,7 @@ mod tests {
                 .unwrap();
             let path = folder.path().join("a.glb");
             let export = Export::new(&map, &info);
-            pool.install(|| write_glb(&path, &export, &quad(), STEEL, GltfOptions::default()))
+            pool.install(|| write_glb(&path, &export, &quad(), &STEEL, GltfOptions::default()))
                 .unwrap();
             fs::read(path).unwrap()
         };
@@ -486,25 +483,12 @@ mod tests {
         let reflectances =
             |(m, c): (f32, [f32; 3])| c.map(|c| ((1.0 - m) * c, 0.04 * (1.0 - m) + m * c));
         for (d, s) in [(0.0, 0.6), (0.1, 0.3), (0.15, 0.19)] {
-            let surface = Surface {
-                diffuse: [d; 3],
-                specular: [s; 3],
-            };
-            let [(diffuse, specular), ..] = reflectances(metal(surface));
+            let [(diffuse, specular), ..] = reflectances(metal(&material([d; 3], [s; 3])));
             assert!((diffuse - d).abs() < 1e-6 && (specular - s).abs() < 1e-6);
         }
-        assert_eq!(
-            metal(Surface {
-                diffuse: [0.0; 3],
-                specular: [0.9, 0.6, 0.2]
-            }),
-            (1.0, [0.9, 0.6, 0.2])
-        );
-        let black = Surface {
-            diffuse: [0.0; 3],
-            specular: [0.0; 3],
-        };
-        assert!(metal(black).0.is_finite());
+        let copper = [0.9, 0.6, 0.2];
+        assert_eq!(metal(&material([0.0; 3], copper)), (1.0, copper));
+        assert!(metal(&material([0.0; 3], [0.0; 3])).0.is_finite());
     }
 
     #[test]
@@ -518,15 +502,20 @@ mod tests {
                 &path,
                 &Export::new(&map, &info),
                 mesh,
-                STEEL,
+                &STEEL,
                 GltfOptions::default(),
             )
         };
         let mut mesh = quad();
         mesh.triangles[1][2] = 4;
-        assert!(write(&mesh).unwrap_err().to_string().contains("vertex 4"));
+        assert!(write(&mesh).unwrap_err().to_string().contains("triangle 1"));
         mesh.triangles.clear();
-        assert!(write(&mesh).unwrap_err().to_string().contains("empty"));
+        assert!(
+            write(&mesh)
+                .unwrap_err()
+                .to_string()
+                .contains("at least one triangle")
+        );
         let mut mesh = quad();
         mesh.positions[0].x = f32::NAN;
         assert!(write(&mesh).unwrap_err().to_string().contains("finite"));
