@@ -14,7 +14,6 @@ pub mod mesh;
 pub mod map;
 
 pub mod convention;
-
 pub mod coverage;
 pub mod pattern;
 
@@ -22,8 +21,9 @@ pub mod filter;
 pub mod import;
 pub mod recipe;
 
-pub mod preview;
 pub mod raster;
+
+pub mod preview;
 
 pub mod export;
 
