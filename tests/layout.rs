@@ -133,7 +133,7 @@ fn modules_import_only_from_above() {
         }
     }
     assert!(
-        checked >= 8,
+        checked > 100,
         "the test found only {checked} imports: it no longer reads the code"
     );
 }
