@@ -1,0 +1,113 @@
+//! Holds the documents to the program: parameter tables, presets, and the files that the text names.
+
+use anisomap::pattern::Pattern;
+use anisomap::recipe::PRESETS;
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).to_owned()
+}
+
+/// The tables of every pattern's parameters, as `docs/formats.md` shows them.
+fn tables() -> String {
+    let mut text = String::new();
+    for name in Pattern::NAMES {
+        let pattern: Pattern = toml::from_str(&format!("[{name}]")).expect("defaults");
+        let outer = toml::Value::try_from(&pattern).expect("plain data");
+        let table = &outer[name];
+        let _ = writeln!(
+            text,
+            "#### `{name}`\n\n| key | unit | allowed | default | what it does |\n|---|---|---|---|---|"
+        );
+        for p in pattern.parameters() {
+            let default = p
+                .key
+                .split('.')
+                .try_fold(table, |t, k| t.get(k))
+                .expect("every parameter has a default");
+            let default = match default {
+                toml::Value::Float(f) => format!("{}", *f as f32),
+                other => other.to_string(),
+            };
+            let _ = writeln!(
+                text,
+                "| `{}` | {} | {} to {} | {default} | {} |",
+                p.key,
+                p.unit,
+                p.range.start(),
+                p.range.end(),
+                p.doc
+            );
+        }
+        let words: Vec<String> = table
+            .as_table()
+            .expect("a pattern is a table")
+            .iter()
+            .filter_map(|(k, v)| Some(format!("`{k}` (default `{}`)", v.as_str()?)))
+            .collect();
+        if !words.is_empty() {
+            let _ = writeln!(
+                text,
+                "\nWords: {}; a wrong one is answered with the list.",
+                words.join(", ")
+            );
+        }
+        text.push('\n');
+    }
+    text
+}
+
+#[test]
+fn formats_md_states_every_parameter() {
+    let path = root().join("docs/formats.md");
+    let text = fs::read_to_string(&path).expect("docs/formats.md");
+    let (begin, end) = ("<!-- parameters -->\n", "<!-- end of parameters -->");
+    let from = text.find(begin).expect("the first marker") + begin.len();
+    let to = text.find(end).expect("the second marker");
+    let want = format!("\n{}", tables());
+    if std::env::var_os("ANISOMAP_UPDATE_GOLDEN").is_some() {
+        fs::write(&path, format!("{}{want}{}", &text[..from], &text[to..])).expect("writable");
+        return;
+    }
+    assert!(
+        text[from..to] == want,
+        "docs/formats.md is out of date; rewrite it with ANISOMAP_UPDATE_GOLDEN=1 cargo test --test docs"
+    );
+}
+
+#[test]
+fn the_documents_name_only_files_that_exist() {
+    for document in [
+        "README.md",
+        "docs/architecture.md",
+        "docs/formats.md",
+        "docs/wording.md",
+    ] {
+        let path = root().join(document);
+        let text = fs::read_to_string(&path).expect(document);
+        for target in text.split("](").skip(1).filter_map(|t| t.split(')').next()) {
+            if target.starts_with("http") || target.starts_with('#') {
+                continue;
+            }
+            let file = path
+                .parent()
+                .expect("a folder")
+                .join(target.split('#').next().unwrap_or(target));
+            assert!(file.exists(), "{document} names {target}");
+        }
+    }
+}
+
+#[test]
+fn the_readme_lists_every_preset() {
+    let text = fs::read_to_string(root().join("README.md")).expect("README.md");
+    for preset in PRESETS {
+        assert!(
+            text.contains(&format!("`{}`", preset.name)),
+            "README.md does not name {}",
+            preset.name
+        );
+    }
+}
