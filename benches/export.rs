@@ -2,11 +2,15 @@
 
 use anisomap::convention::MapInfo;
 use anisomap::export::exr::{Precision, write_master, write_rgb_pair};
+use anisomap::export::gltf::{GltfOptions, write_glb};
+use anisomap::export::png::{Depth, write_set};
 use anisomap::export::{Export, Written};
 use anisomap::filter::{Line, comb, reduce};
 use anisomap::import::exr::read_master;
 use anisomap::map::{AnisoMap, DEFAULT_TEXEL, Size, Texel, Wrap};
 use anisomap::math::Axis;
+use anisomap::mesh::builtin;
+use anisomap::recipe::Material;
 use std::path::Path;
 use std::time::Instant;
 
@@ -103,6 +107,22 @@ fn formats(name: &str, map: &AnisoMap, folder: &Path, rounds: usize) {
     time(&format!("exr_pair_{name}"), rounds, || {
         let export = Export::new(map, &info);
         sum(&write_rgb_pair(&stem, &export, Precision::Half).expect("written"))
+    });
+    for (bits, depth) in [(8, Depth::Eight), (16, Depth::Sixteen)] {
+        time(&format!("png{bits}_{name}"), rounds, || {
+            let export = Export::new(map, &info);
+            sum(&write_set(&stem, &export, depth).expect("written"))
+        });
+    }
+    let mesh = builtin("plane").expect("a built-in shape");
+    let glb = folder.join(format!("{name}.glb"));
+    time(&format!("glb_{name}"), rounds, || {
+        let export = Export::new(map, &info);
+        let options = GltfOptions::default();
+        let (written, report) =
+            write_glb(&glb, &export, &mesh, &Material::default(), options).expect("written");
+        assert!(report.alpha_error < 0.02 && report.angle_error < 0.35);
+        written.bytes
     });
     time(&format!("exr_float_{name}"), rounds, || {
         let export = Export::new(map, &info);

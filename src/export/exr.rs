@@ -36,8 +36,9 @@ pub enum Precision {
 const BLOCK: u32 = 16;
 /// Blocks packed side by side before they are written.
 const GROUP: usize = 32;
-/// zlib's effort: above it the files of brushed maps get 3 % smaller and take twice the time.
-const EFFORT: u32 = 3;
+/// zlib's effort: on brushed maps 1 takes two thirds of the time for files a quarter larger, 3 takes 1.4 times as long for
+/// files 8 % smaller.
+const EFFORT: u32 = 2;
 
 /// Writes the master file: channels `alpha.X alpha.Y axis.X axis.Y`, the axis as (cos 2θ, sin 2θ), so that any reader may
 /// filter, crop or tile it. [`crate::import::exr::read_master`] reads it.

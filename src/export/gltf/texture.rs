@@ -5,8 +5,8 @@
 //! texel's value the one is taken that leaves the smaller error in the worse of both widths.
 
 use super::GltfReport;
+use crate::convention::LobeFit;
 use crate::convention::gltf::strength;
-use crate::convention::{LobeFit, Stretched};
 use crate::export::png::{Pixels, half_and_half, to_u8};
 use crate::filter::{Line, Surroundings, comb, is_round};
 use crate::map::AnisoMap;
@@ -27,27 +27,30 @@ pub(super) struct Textures {
 const FINE_SHARE: f32 = 0.04;
 
 pub(super) fn textures(map: &AnisoMap, fit: LobeFit) -> Textures {
-    let steps = Steps::new(map, fit);
-    let largest_b = largest(map, |t| t.alpha_b);
+    let largest_b = largest_smaller_width(map);
+    let steps = Steps::new(map, fit, largest_b);
     let losses = Mutex::new(Losses::default());
     let width = map.width() as usize;
-    // Which step each texel took, for the second picture.
+    // Which step each texel took, for the two pictures.
     let mut strengths = vec![0u8; map.size().texels()];
     let mut roughnesses = vec![0u8; map.size().texels()];
     strengths
         .par_chunks_mut(width)
         .zip(roughnesses.par_chunks_mut(width))
         .enumerate()
-        .for_each(|(y, (s, r))| {
-            let mut own = Losses::default();
-            for x in 0..width {
-                let texel = Stretched::from(map.texel_at(y * width + x));
-                let fine = texel.alpha_b >= FINE_SHARE * largest_b;
-                (r[x], s[x]) = steps.nearest(texel);
-                own.count(&steps, texel, (r[x], s[x]), fine);
-            }
-            losses.lock().expect("no holder panics").take_worst(own);
-        });
+        .for_each_init(
+            || Fitted::new(map),
+            |row, (y, (s, r))| {
+                row.fill(map, fit, y);
+                let mut own = Losses::default();
+                for x in 0..width {
+                    (r[x], s[x]) = steps.nearest(row.gltf_t[x], row.gltf_b[x]);
+                    let fine = row.ward_b[x] >= FINE_SHARE * largest_b;
+                    own.count(&steps, row, x, (r[x], s[x]), fine);
+                }
+                losses.lock().expect("no holder panics").take_worst(own);
+            },
+        );
     let row = |plane: &[u8], y: u32| plane[y as usize * width..][..width].to_vec();
     let roughness = Pixels::rgb8(map.size(), |y, pixels| {
         for (pixel, r) in pixels.iter_mut().zip(row(&roughnesses, y)) {
@@ -93,11 +96,50 @@ pub(super) fn textures(map: &AnisoMap, fit: LobeFit) -> Textures {
     }
 }
 
-fn largest(map: &AnisoMap, of: impl Fn(Stretched) -> f32 + Sync) -> f32 {
-    (0..map.size().texels())
-        .into_par_iter()
+/// A row as larger (t) and smaller (b) widths, Ward's and the target's.
+struct Fitted {
+    ward_t: Vec<f32>,
+    ward_b: Vec<f32>,
+    gltf_t: Vec<f32>,
+    gltf_b: Vec<f32>,
+}
+
+impl Fitted {
+    fn new(map: &AnisoMap) -> Self {
+        let row = || vec![0.0; map.width() as usize];
+        Self {
+            ward_t: row(),
+            ward_b: row(),
+            gltf_t: row(),
+            gltf_b: row(),
+        }
+    }
+
+    fn fill(&mut self, map: &AnisoMap, fit: LobeFit, y: usize) {
+        let width = self.ward_t.len();
+        let (ax, ay) = (&map.alpha_x()[y * width..], &map.alpha_y()[y * width..]);
+        for x in 0..width {
+            self.ward_t[x] = ax[x].max(ay[x]);
+            self.ward_b[x] = ax[x].min(ay[x]);
+        }
+        // Loops over one slice each, so that they vectorise.
+        for (to, from) in [
+            (&mut self.gltf_t, &self.ward_t),
+            (&mut self.gltf_b, &self.ward_b),
+        ] {
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = fit.apply(*from);
+            }
+        }
+    }
+}
+
+fn largest_smaller_width(map: &AnisoMap) -> f32 {
+    map.alpha_x()
+        .par_iter()
         .with_min_len(1 << 14)
-        .map(|i| of(map.texel_at(i).into()))
+        .zip(map.alpha_y())
+        .map(|(x, y)| x.min(*y))
         .reduce(|| 0.0, f32::max)
 }
 
@@ -109,7 +151,6 @@ fn sine_of_error(d: Vec2, rg: [u8; 2]) -> f32 {
 
 /// What each step of the two 8-bit channels stands for.
 struct Steps {
-    fit: LobeFit,
     r_max: f32,
     s_max: f32,
     /// The target's alpha_b of each roughness step.
@@ -123,16 +164,27 @@ struct Steps {
 }
 
 impl Steps {
-    fn new(map: &AnisoMap, fit: LobeFit) -> Self {
-        let r_max = fit.apply(largest(map, |t| t.alpha_b)).min(1.0).sqrt();
+    fn new(map: &AnisoMap, fit: LobeFit, largest_b: f32) -> Self {
+        let r_max = fit.apply(largest_b).min(1.0).sqrt();
         let alpha_b: [f32; 256] = std::array::from_fn(|r| {
             let r = r as f32 * (1.0 / 255.0) * r_max;
             r * r
         });
-        let s_max = largest(map, |t| {
-            let r = step(fit.apply(t.alpha_b).min(1.0).sqrt(), r_max).max(1);
-            strength(fit.apply(t.alpha_t), alpha_b[usize::from(r)])
-        });
+        let s_max = (0..map.height() as usize)
+            .into_par_iter()
+            .map_init(
+                || Fitted::new(map),
+                |row, y| {
+                    row.fill(map, fit, y);
+                    let widths = row.gltf_t.iter().zip(&row.gltf_b);
+                    let strengths = widths.map(|(t, b)| {
+                        let r = step(b.min(1.0).sqrt(), r_max).max(1);
+                        strength(*t, alpha_b[usize::from(r)])
+                    });
+                    strengths.fold(0.0, f32::max)
+                },
+            )
+            .reduce(|| 0.0, f32::max);
         let s_squared: [f32; 256] = std::array::from_fn(|s| {
             let s = s as f32 * (1.0 / 255.0) * s_max;
             s * s
@@ -148,7 +200,6 @@ impl Steps {
             })
             .collect();
         Self {
-            fit,
             r_max,
             s_max,
             alpha_b,
@@ -158,10 +209,9 @@ impl Steps {
         }
     }
 
-    /// The steps of roughness and strength for a texel.
-    fn nearest(&self, texel: Stretched) -> (u8, u8) {
-        let alpha_b = self.fit.apply(texel.alpha_b).min(1.0);
-        let alpha_t = self.fit.apply(texel.alpha_t).min(1.0);
+    /// The steps of roughness and strength for a texel of the target's widths.
+    fn nearest(&self, alpha_t: f32, alpha_b: f32) -> (u8, u8) {
+        let (alpha_t, alpha_b) = (alpha_t.min(1.0), alpha_b.min(1.0));
         let r = alpha_b.sqrt();
         let first = step(r, self.r_max).max(1);
         let above = r * 255.0 > f32::from(first) * self.r_max;
@@ -203,12 +253,12 @@ struct Losses {
 }
 
 impl Losses {
-    fn count(&mut self, steps: &Steps, texel: Stretched, (r, s): (u8, u8), fine: bool) {
+    fn count(&mut self, steps: &Steps, row: &Fitted, x: usize, (r, s): (u8, u8), fine: bool) {
         let off = |read: f32, is: f32| (read / is - 1.0).abs();
         let (r, s) = (usize::from(r), usize::from(s));
-        let error =
-            off(steps.ward_b[r], texel.alpha_b).max(off(steps.ward_t[r << 8 | s], texel.alpha_t));
-        let worst = if steps.fit.apply(texel.alpha_t) > 1.0 {
+        let error_t = off(steps.ward_t[r << 8 | s], row.ward_t[x]);
+        let error = off(steps.ward_b[r], row.ward_b[x]).max(error_t);
+        let worst = if row.gltf_t[x] > 1.0 {
             self.clamped += 1;
             &mut self.clamp_error
         } else if fine {
