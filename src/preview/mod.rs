@@ -19,7 +19,9 @@ pub use caption::{Align, write_text};
 pub use difference::{Difference, Measure};
 pub use look::Look;
 pub use picture::{Picture, linear_from_srgb, srgb_from_linear};
-pub use scene::{Background, Light, Material, Rig, SAMPLES_MAX, Scene};
+pub use scene::{Background, Light, Rig, SAMPLES_MAX, Scene};
+
+pub use crate::recipe::Material;
 pub use shade::Shader;
 pub use sheet::{panel_size, side_by_side};
 

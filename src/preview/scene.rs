@@ -13,41 +13,6 @@ const LIGHTS_MAX: usize = 64;
 /// Empty room around a mesh that is framed, as a factor on its extent.
 const MARGIN: f32 = 1.1;
 
-/// The colours of the surface, linear RGB.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Material {
-    /// Diffuse reflectance rho_d, 0 to 1 each.
-    pub diffuse: [f32; 3],
-    /// Specular reflectance rho_s, 0 to 1 each.
-    pub specular: [f32; 3],
-    /// What it gives back of the ambient light, k_a, 0 to 1 each.
-    pub ambient: [f32; 3],
-}
-
-impl Default for Material {
-    /// Ward's lightly brushed aluminium (1992, table 1) without its colour, with a little ambient light.
-    fn default() -> Self {
-        Self {
-            diffuse: [0.15; 3],
-            specular: [0.19; 3],
-            ambient: [0.15; 3],
-        }
-    }
-}
-
-impl Material {
-    /// Checks every number.
-    ///
-    /// # Errors
-    /// When one is not in 0 to 1.
-    pub fn check(&self) -> Result<()> {
-        colour("material.diffuse", self.diffuse, 1.0)?;
-        colour("material.specular", self.specular, 1.0)?;
-        colour("material.ambient", self.ambient, 1.0)
-    }
-}
-
 /// A light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
@@ -416,10 +381,5 @@ mod tests {
             })
             .contains("lights.1.intensity")
         );
-        let material = Material {
-            specular: [1.5; 3],
-            ..Material::default()
-        };
-        assert!(material.check().is_err());
     }
 }

@@ -10,9 +10,10 @@
 //! - the cosine between normal and view is at least its mean over the sample: at the outline interpolated normals bend away
 //!   from the eye, and models that divide by that cosine would put single white samples there.
 
+use super::Material;
 use super::look::Look;
 use super::picture::Picture;
-use super::scene::{Light, Material, Scene};
+use super::scene::{Light, Scene};
 use crate::brdf::{self, Model};
 use crate::error::Result;
 use crate::filter::Pyramid;

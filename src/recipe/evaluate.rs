@@ -2,7 +2,7 @@
 //! gives for any rectangle exactly what the whole would.
 
 use super::layer::{Blend, derived_seed};
-use super::{Channels, Layer, Mask, MaskSource, Recipe, Source};
+use super::{Channels, Files, Layer, Mask, MaskSource, Recipe, Source};
 use crate::coverage::DrawnMask;
 use crate::error::Result;
 use crate::map::{
@@ -13,22 +13,12 @@ use crate::pattern::{Fill, Patch, Surface};
 use crate::progress::Progress;
 use glam::Vec2;
 use rayon::prelude::*;
-use std::path::PathBuf;
 
 /// Texels of a tile: its planes, about 30 bytes a texel, stay in a core's second cache.
 const TILE_WIDTH: u32 = 256;
 const TILE_HEIGHT: u32 = 32;
 /// Texels of a band that one pattern fills straight into the map.
 const BAND_TEXELS: u32 = 32_768;
-
-/// Where the files that a recipe names may lie.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Files {
-    /// The recipe's own folder; without one it may name no files.
-    pub folder: Option<PathBuf>,
-    /// Whether files outside that folder are allowed.
-    pub allow_outside: bool,
-}
 
 /// A recipe prepared for one size.
 pub struct Prepared {
@@ -70,8 +60,8 @@ impl Recipe {
     /// Does once what needs the whole: checks, drawn masks, the patterns' own tables. Hidden layers are left out.
     ///
     /// # Errors
-    /// As [`Recipe::check`].
-    pub fn prepare(&self, size: Size, _files: &Files) -> Result<Prepared> {
+    /// As [`Recipe::check`], and when a file that it names may not or cannot be read.
+    pub fn prepare(&self, size: Size, files: &Files) -> Result<Prepared> {
         self.check()?;
         let surface = Surface {
             size,
@@ -79,13 +69,14 @@ impl Recipe {
             wrap: self.wrap,
             seed: self.seed,
         };
-        let shown = self.layers.iter().filter(|l| l.visible && l.opacity > 0.0);
+        let layers = (0..).zip(&self.layers);
+        let shown = layers.filter(|(_, l)| l.visible && l.opacity > 0.0);
         let adjust = self.adjust;
         Ok(Prepared {
             size,
             wrap: self.wrap,
             layers: shown
-                .map(|layer| prepare_layer(layer, &surface))
+                .map(|(i, layer)| prepare_layer(i, layer, &surface, files))
                 .collect::<Result<_>>()?,
             adjust: (adjust != super::Adjust::default()).then(|| Turned {
                 alpha_x: adjust.alpha_x,
@@ -96,7 +87,12 @@ impl Recipe {
     }
 }
 
-fn prepare_layer(layer: &Layer, surface: &Surface) -> Result<PreparedLayer> {
+fn prepare_layer(
+    i: usize,
+    layer: &Layer,
+    surface: &Surface,
+    files: &Files,
+) -> Result<PreparedLayer> {
     let seed = layer.seed_in(surface.seed);
     let own = Surface { seed, ..*surface };
     let Blend::Mix = layer.blend;
@@ -105,6 +101,9 @@ fn prepare_layer(layer: &Layer, surface: &Surface) -> Result<PreparedLayer> {
         channels: layer.channels,
         source: match &layer.source {
             Source::Pattern(p) => p.prepare(&own)?,
+            Source::Image(image) => {
+                Box::new(image.prepare(&format!("layers.{i}.image.file"), &own, files)?)
+            }
         },
         mask: match &layer.mask {
             Some(mask) => Some(prepare_mask(mask, &own)?),

@@ -30,21 +30,7 @@ impl RecipeFile {
     /// cannot be used.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let meta = fs::metadata(path).map_err(Error::read(path))?;
-        if meta.is_dir() {
-            return Err(Error::file(path, "this is a folder")
-                .with_hint("Name a recipe, a .toml file, in it"));
-        }
-        if meta.len() > BYTES_MAX {
-            let problem = format!(
-                "{} bytes long; allowed for a recipe: {BYTES_MAX}",
-                meta.len()
-            );
-            return Err(Error::file(path, problem));
-        }
-        let bytes = fs::read(path).map_err(Error::read(path))?;
-        let text = String::from_utf8(bytes)
-            .map_err(|_| Error::file(path, "this is no text (UTF-8), so it is no recipe"))?;
+        let text = read_text(path)?;
         let parent = path.parent().filter(|p| !p.as_os_str().is_empty());
         let folder = parent.unwrap_or(Path::new(".")).to_owned();
         Self::parse(&text, path, Some(folder))
@@ -158,6 +144,39 @@ impl RecipeFile {
         self.recipe = recipe;
         Ok(())
     }
+}
+
+/// Any other document of the tool's, read as strictly as a recipe: a mistake is told with file, line, key, what is allowed
+/// and the nearest word.
+///
+/// # Errors
+/// [`Error::Read`] and [`Error::File`].
+pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = read_text(path)?;
+    let document =
+        Document::parse(text.as_str()).map_err(|e| Mistake::of_syntax(&text, &e).in_file(path))?;
+    T::deserialize(toml_edit::de::Deserializer::from(document.clone()))
+        .map_err(|e| Mistake::of_shape(&document, &e).in_file(path))
+}
+
+/// A text of bounded length.
+fn read_text(path: &Path) -> Result<String> {
+    let meta = fs::metadata(path).map_err(Error::read(path))?;
+    if !meta.is_file() {
+        let kind = if meta.is_dir() {
+            "a folder"
+        } else {
+            "no plain file"
+        };
+        return Err(Error::file(path, format!("this is {kind}")).with_hint("Name a .toml file"));
+    }
+    if meta.len() > BYTES_MAX {
+        let problem = format!("{} bytes long; allowed: {BYTES_MAX}", meta.len());
+        return Err(Error::file(path, problem));
+    }
+    let bytes = fs::read(path).map_err(Error::read(path))?;
+    String::from_utf8(bytes)
+        .map_err(|_| Error::file(path, "this is no text (UTF-8), so it is no TOML"))
 }
 
 /// A name made of a file's own, with what a name may not have replaced.

@@ -3,7 +3,7 @@
 //! A layer is a table of plain keys and one table more, named after its source: `[layers.brushed]`. Serde has no derive
 //! for "these keys, or the name of a variant" that keeps the place of a mistake in the file, so the reading is by hand.
 
-use super::{check_seed, number};
+use super::{Image, check_seed, number};
 use crate::coverage::Outline;
 use crate::error::{Error, Result};
 use crate::map::Size;
@@ -48,6 +48,8 @@ pub struct Layer {
 pub enum Source {
     /// A pattern, in a table of its own name.
     Pattern(Pattern),
+    /// A finished map from a file.
+    Image(Image),
 }
 
 impl Source {
@@ -55,6 +57,7 @@ impl Source {
     pub fn name(&self) -> &'static str {
         match self {
             Self::Pattern(p) => p.name(),
+            Self::Image(_) => "image",
         }
     }
 }
@@ -63,6 +66,7 @@ impl Serialize for Source {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Pattern(p) => p.serialize(serializer),
+            Self::Image(i) => serializer.serialize_newtype_variant("Source", 1, "image", i),
         }
     }
 }
@@ -236,6 +240,7 @@ impl Layer {
         }
         match &self.source {
             Source::Pattern(p) => p.validate().map_err(below(format!("{at}.{}", p.name()))),
+            Source::Image(_) => Ok(()), // whether the file may be read is known when it is
         }
     }
 }
@@ -417,7 +422,7 @@ pub(super) mod size {
 const LAYER_FIELDS: [&str; 7] = [
     "name", "visible", "opacity", "blend", "channels", "seed", "mask",
 ];
-const LAYER_SOURCES: [&str; 0] = [];
+pub(super) const LAYER_SOURCES: [&str; 1] = ["image"];
 const MASK_FIELDS: [&str; 5] = ["invert", "low", "high", "feather", "seed"];
 const MASK_SOURCES: [&str; 2] = ["polygon", "path"];
 
@@ -475,7 +480,10 @@ impl<'de> Visitor<'de> for LayerVisitor {
                     if let Some(first) = &source {
                         return Err(two_sources("layer", first.name(), name));
                     }
-                    source = Some(Source::Pattern(pattern_of(name, &mut map)?));
+                    source = Some(match name {
+                        "image" => Source::Image(map.next_value()?),
+                        pattern => Source::Pattern(pattern_of(pattern, &mut map)?),
+                    });
                 }
             }
         }

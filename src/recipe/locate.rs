@@ -1,6 +1,8 @@
 //! Where in a recipe's text a mistake stands, and how it is told.
 
+use super::layer::{LAYER_SOURCES, NO_SOURCE};
 use crate::error::{Error, nearest_word};
+use crate::pattern::Pattern;
 use std::ops::Range;
 use toml_edit::{Document, Item, Table, TableLike, Value};
 
@@ -152,7 +154,7 @@ impl Mistake {
             String::new()
         };
         let (text, hint) = reword(&path, &one_line(error.message()));
-        let unknown = ["unknown field", "unknown variant", super::layer::NO_SOURCE]
+        let unknown = ["unknown field", "unknown variant", NO_SOURCE]
             .iter()
             .any(|words| error.message().contains(words));
         Self {
@@ -358,7 +360,8 @@ pub(super) fn layer_number(root: &Table, name: &str) -> Option<usize> {
 pub(super) fn name_of(table: &Table) -> String {
     let named = table.get("name").and_then(Item::as_str).map(str::to_owned);
     let source = || {
-        let is_source = |(key, _): &(&str, &Item)| crate::pattern::Pattern::NAMES.contains(key);
+        let is_source =
+            |(key, _): &(&str, &Item)| Pattern::NAMES.contains(key) || LAYER_SOURCES.contains(key);
         table.iter().find(is_source).map(|(key, _)| key.to_owned())
     };
     named.or_else(source).unwrap_or_default()

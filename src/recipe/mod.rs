@@ -8,13 +8,17 @@
 
 mod evaluate;
 mod file;
+mod files;
+mod image;
 mod layer;
 mod locate;
 mod presets;
 mod update;
 
-pub use evaluate::{Files, Prepared};
-pub use file::RecipeFile;
+pub use evaluate::Prepared;
+pub use file::{RecipeFile, read_toml};
+pub use files::Files;
+pub use image::Image;
 pub use layer::{Blend, Channels, Layer, Mask, MaskSource, Source};
 pub use presets::{PRESETS, Preset, open, preset};
 
@@ -109,16 +113,17 @@ pub struct Material {
     pub diffuse: [f32; 3],
     /// Specular reflectance, Ward's rho_s; 0 to 1 each.
     pub specular: [f32; 3],
-    /// Light reflected from everywhere, beside the lamps; 0 to 1 each.
+    /// What it gives back of the ambient light, k_a; 0 to 1 each.
     pub ambient: [f32; 3],
 }
 
 impl Default for Material {
+    /// Ward's lightly brushed aluminium (1992, table 1) without its colour, with a little ambient light.
     fn default() -> Self {
         Self {
             diffuse: [0.15; 3],
-            specular: [0.3; 3],
-            ambient: [0.02; 3],
+            specular: [0.19; 3],
+            ambient: [0.15; 3],
         }
     }
 }
@@ -317,7 +322,11 @@ fn check_name(name: &str) -> Result<()> {
 }
 
 impl Material {
-    fn check(&self) -> Result<()> {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// When one is not in 0 to 1.
+    pub fn check(&self) -> Result<()> {
         for (key, colour) in [
             ("material.diffuse", self.diffuse),
             ("material.specular", self.specular),

@@ -1,0 +1,107 @@
+//! The files that a recipe names: only from its own folder, unless the user says otherwise. A recipe may come from a
+//! stranger, and must not make somebody's private picture part of a map that is passed on.
+
+use crate::error::{Error, Result};
+use std::path::{Component, Path, PathBuf};
+
+/// Where the files that a recipe names may lie.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Files {
+    /// The recipe's own folder; without one it may name no files.
+    pub folder: Option<PathBuf>,
+    /// Whether files outside that folder are allowed.
+    pub allow_outside: bool,
+}
+
+impl Files {
+    /// The path of the file that the recipe calls `name` under `key`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when there is no folder, or the file lies outside it and that is not allowed; [`Error::Read`]
+    /// when it is not there.
+    pub fn resolve(&self, key: &str, name: &str) -> Result<PathBuf> {
+        let Some(folder) = &self.folder else {
+            return Err(Error::invalid(
+                key,
+                format!("`{name}`"),
+                "allowed: no files in a preset or a recipe that was never saved",
+            ));
+        };
+        let path = folder.join(name);
+        if self.allow_outside {
+            return path.canonicalize().map_err(Error::read(&path));
+        }
+        // Judged by its words first, so that nothing is learned about files outside from the message.
+        let leaves = |c| !matches!(c, Component::Normal(_) | Component::CurDir);
+        if Path::new(name).components().any(leaves) {
+            return Err(outside(key, name));
+        }
+        let real = path.canonicalize().map_err(Error::read(&path))?;
+        let folder = folder.canonicalize().map_err(Error::read(folder))?;
+        if real.starts_with(folder) {
+            Ok(real)
+        } else {
+            Err(outside(key, name)) // a link that leads out
+        }
+    }
+}
+
+fn outside(key: &str, name: &str) -> Error {
+    Error::invalid(
+        key,
+        format!("`{name}`"),
+        "allowed: a file in the recipe's own folder or below it",
+    )
+    .with_hint("If you trust the recipe, pass --allow-outside")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn files_stay_in_the_recipes_folder_unless_allowed() {
+        let root = tempfile::tempdir().unwrap();
+        let inside = root.path().join("in");
+        fs::create_dir_all(inside.join("deep")).unwrap();
+        fs::write(root.path().join("secret"), "x").unwrap();
+        fs::write(inside.join("deep/a.exr"), "x").unwrap();
+        let files = |allow_outside| Files {
+            folder: Some(inside.clone()),
+            allow_outside,
+        };
+        assert!(files(false).resolve("k", "deep/a.exr").is_ok());
+        let absolute = root.path().join("secret");
+        let absolute = absolute.to_str().unwrap();
+        for name in [
+            "../secret",
+            "deep/../../secret",
+            absolute,
+            "../in/deep/a.exr",
+        ] {
+            let e = files(false).resolve("k", name).unwrap_err();
+            assert!(e.to_string().contains("--allow-outside"), "{e}");
+            assert!(files(true).resolve("k", name).is_ok(), "{name}");
+        }
+        let missing = files(false).resolve("k", "no.exr").unwrap_err();
+        assert!(matches!(missing, Error::Read { .. }));
+        let unsaved = Files::default().resolve("k", "deep/a.exr").unwrap_err();
+        assert!(unsaved.to_string().contains("preset"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_that_leads_out_is_outside() {
+        let root = tempfile::tempdir().unwrap();
+        let inside = root.path().join("in");
+        fs::create_dir(&inside).unwrap();
+        fs::write(root.path().join("secret"), "x").unwrap();
+        std::os::unix::fs::symlink(root.path().join("secret"), inside.join("link")).unwrap();
+        let files = Files {
+            folder: Some(inside),
+            allow_outside: false,
+        };
+        assert!(files.resolve("k", "link").is_err());
+    }
+}
