@@ -101,7 +101,11 @@ fn write_beside(
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let file = builder.tempfile_in(folder).map_err(|e| {
         // tempfile puts its own path into the message; the user knows only theirs.
-        io::Error::new(e.kind(), e.kind().to_string())
+        let text = match e.kind() {
+            io::ErrorKind::NotFound => "its folder is not there".to_owned(),
+            kind => kind.to_string(),
+        };
+        io::Error::new(e.kind(), text)
     })?;
     let mut buffered = BufWriter::with_capacity(1 << 18, file.as_file());
     write(&mut buffered)?;
