@@ -1,3 +1,7 @@
-//! anisomap on the command line.
+//! anisomap on the command line: a client of the library. One file a command in `cli/`.
 
-fn main() {}
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::run()
+}

@@ -1,0 +1,338 @@
+//! `anisomap generate`: a recipe to all its files.
+
+use super::args::GenerateArgs;
+use super::preview::{Shown, looks, scene};
+use super::{Outcome, Result, console, input};
+use anisomap::Error;
+use anisomap::analyse::compare;
+use anisomap::export::exr::{Precision, write_master, write_rgb_pair};
+use anisomap::export::gltf::{GltfOptions, GltfReport, write_glb, write_gltf};
+use anisomap::export::png::{Depth, write_set};
+use anisomap::export::{Export, Written, beside, write_atomic};
+use anisomap::import::gltf::read_gltf;
+use anisomap::map::{AnisoMap, Size};
+use anisomap::mesh::Mesh;
+use anisomap::preview::Picture;
+use anisomap::recipe::{RecipeFile, Target};
+use image::ImageEncoder;
+use serde::Serialize;
+use serde_json::json;
+use std::fmt::Write as _;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// The size of the picture beside the maps.
+const PICTURE: (u32, u32) = (960, 720);
+
+pub(super) fn run(args: GenerateArgs) -> Result {
+    console::catch_interrupts();
+    let file = input::recipe(&args.recipe, &args.recipe_args, args.size)?;
+    let job = Job {
+        stem: file.recipe().name.clone(),
+        formats: formats(&args.formats, &file, &Target::DEFAULT),
+        precision: if args.float {
+            Precision::Float
+        } else {
+            Precision::Half
+        },
+        mesh: args.mesh,
+        allow_outside: args.recipe_args.allow_outside,
+        folder: args.output,
+        file,
+    };
+    let made = job.make()?;
+    if args.json {
+        console::print_json(&made.to_json(&job))?;
+    } else {
+        console::print(&made.report(&job))?;
+    }
+    Ok(Outcome::Fine)
+}
+
+/// What the user asks for, or else the recipe, or else `default`; in the order they are written, each once.
+pub(super) fn formats(asked: &[Target], file: &RecipeFile, default: &[Target]) -> Vec<Target> {
+    let mut formats = [asked, &file.recipe().targets, default]
+        .into_iter()
+        .find(|list| !list.is_empty())
+        .unwrap_or_default()
+        .to_vec();
+    formats.sort_unstable();
+    formats.dedup();
+    formats
+}
+
+/// A recipe and what to write of it.
+pub(super) struct Job {
+    pub(super) file: RecipeFile,
+    pub(super) folder: PathBuf,
+    /// What every file's name begins with.
+    pub(super) stem: String,
+    pub(super) formats: Vec<Target>,
+    pub(super) precision: Precision,
+    pub(super) mesh: Option<String>,
+    pub(super) allow_outside: bool,
+}
+
+/// What came of a job.
+pub(super) struct Made {
+    pub(super) files: Vec<Written>,
+    round_trip: Option<RoundTrip>,
+    /// What took how long, in the order it was done.
+    times: Vec<(&'static str, Duration)>,
+}
+
+/// What the GLB lost, measured by reading it back.
+#[derive(Serialize)]
+struct RoundTrip {
+    /// Largest relative error of a width, where the smaller one is at least 4 % of its largest value in the map.
+    alpha: f32,
+    /// The same in the other texels.
+    alpha_elsewhere: f32,
+    /// Largest error of the direction in degrees, where there is one.
+    degrees: f32,
+    /// Texels whose larger width became 1 because glTF has no larger one.
+    clamped: u64,
+}
+
+impl Job {
+    /// Makes every file. Everything that can be refused is refused before the first is written.
+    pub(super) fn make(&self) -> Result<Made> {
+        let recipe = self.file.recipe();
+        let files = self.file.files(self.allow_outside);
+        let needs_mesh = [Target::Glb, Target::Gltf, Target::Preview];
+        let mesh = if self.formats.iter().any(|f| needs_mesh.contains(f)) {
+            Some(input::mesh(self.mesh.as_deref(), Some((recipe, &files)))?)
+        } else {
+            None
+        };
+        let looks = looks(&[], Some(recipe))?;
+        self.refuse_overwriting()?;
+        make_folder(&self.folder).map_err(Error::write(&self.folder))?;
+        let mut made = Made {
+            files: Vec::new(),
+            round_trip: None,
+            times: Vec::new(),
+        };
+        let map = made.time("fill", || input::fill(recipe, &files))?;
+        let info = input::info(recipe);
+        let export = Export::new(&map, &info);
+        for &format in &self.formats {
+            console::check_cancelled()?;
+            match (format, &mesh) {
+                (Target::Preview, Some(mesh)) => self.draw(&mut made, &map, mesh, &looks)?,
+                (Target::Glb | Target::Gltf, Some(mesh)) => {
+                    self.write_gltf(&mut made, &export, format, mesh)?;
+                }
+                _ => self.write_map(&mut made, &export, format)?,
+            }
+        }
+        let text = self.file.to_toml();
+        let path = self.path(".toml");
+        if !self.is_own_recipe() {
+            made.files
+                .push(write_atomic(&path, |f| f.write_all(text.as_bytes()))?);
+        }
+        Ok(made)
+    }
+
+    fn stem(&self) -> PathBuf {
+        self.folder.join(&self.stem)
+    }
+
+    fn path(&self, suffix: &str) -> PathBuf {
+        beside(&self.stem(), suffix)
+    }
+
+    /// Whether the recipe's copy would be the file it was read from.
+    fn is_own_recipe(&self) -> bool {
+        let real = |p: &Path| p.canonicalize().ok();
+        let own = real(self.file.path());
+        own.is_some() && own == real(&self.path(".toml"))
+    }
+
+    /// The recipe as it was used lies beside the maps, but never over the user's own.
+    fn refuse_overwriting(&self) -> Result<()> {
+        if !self.is_own_recipe() {
+            return Ok(());
+        }
+        let own = fs::read_to_string(self.file.path()).map_err(Error::read(self.file.path()))?;
+        if own == self.file.to_toml() {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            "--output",
+            self.folder.display(),
+            "allowed: another folder than the recipe's own, since the recipe with its overrides is written there too",
+        ))
+    }
+
+    fn write_map(&self, made: &mut Made, export: &Export<'_>, format: Target) -> Result<()> {
+        let stem = self.stem();
+        let written = made.time(format.name(), || match format {
+            Target::Exr => {
+                write_master(&self.path(".exr"), export, self.precision).map(|w| vec![w])
+            }
+            Target::RgbExr => write_rgb_pair(&stem, export, self.precision).map(Vec::from),
+            Target::Png8 => write_set(&stem, export, Depth::Eight),
+            _ => write_set(&stem, export, Depth::Sixteen),
+        })?;
+        made.add(written);
+        Ok(())
+    }
+
+    fn write_gltf(
+        &self,
+        made: &mut Made,
+        export: &Export<'_>,
+        format: Target,
+        mesh: &Mesh,
+    ) -> Result<()> {
+        let material = self.file.recipe().material;
+        let options = GltfOptions::default();
+        let (written, report) = made.time(format.name(), || match format {
+            Target::Glb => write_glb(&self.path(".glb"), export, mesh, &material, options)
+                .map(|(w, report)| (vec![w], report)),
+            _ => write_gltf(&self.stem(), export, mesh, &material, options),
+        })?;
+        let read = written[0].path.clone();
+        made.add(written);
+        let round_trip = made.time("read back", || round_trip(&read, export.map(), &report))?;
+        made.round_trip = Some(round_trip);
+        Ok(())
+    }
+
+    fn draw(
+        &self,
+        made: &mut Made,
+        map: &AnisoMap,
+        mesh: &Mesh,
+        looks: &[anisomap::preview::Look],
+    ) -> Result<()> {
+        let recipe = self.file.recipe();
+        let shown = Shown {
+            mesh,
+            map,
+            material: &recipe.material,
+            scene: &scene(mesh, Some(recipe)),
+        };
+        let size = Size::new(PICTURE.0, PICTURE.1)?;
+        let written = made.time("preview", || {
+            let picture = shown.sheet(looks, size)?;
+            write_picture(&self.path("_preview.png"), &picture)
+        })?;
+        made.add(vec![written]);
+        Ok(())
+    }
+}
+
+fn make_folder(folder: &Path) -> io::Result<()> {
+    if folder.is_file() {
+        let kind = io::ErrorKind::NotADirectory;
+        return Err(io::Error::new(
+            kind,
+            "it is a file; give the name of a folder",
+        ));
+    }
+    fs::create_dir_all(folder)
+}
+
+/// Reads a glTF back with the importer and compares it with the map it was made of.
+fn round_trip(path: &Path, map: &AnisoMap, report: &GltfReport) -> Result<RoundTrip> {
+    let back = read_gltf(path)?;
+    let comparison = compare(map, &back.map)?;
+    Ok(RoundTrip {
+        alpha: comparison.well_held.max,
+        alpha_elsewhere: comparison.elsewhere.max,
+        degrees: comparison.angle.max_degrees,
+        clamped: report.clamped,
+    })
+}
+
+/// Writes a picture as an 8-bit sRGB PNG.
+pub(super) fn write_picture(path: &Path, picture: &Picture) -> Result<Written> {
+    let pixels = picture.to_srgb8();
+    write_atomic(path, |file| {
+        image::codecs::png::PngEncoder::new(file)
+            .write_image(
+                &pixels,
+                picture.width(),
+                picture.height(),
+                image::ExtendedColorType::Rgb8,
+            )
+            .map_err(|e| match e {
+                image::ImageError::IoError(e) => e,
+                other => io::Error::other(other),
+            })
+    })
+}
+
+impl Made {
+    fn time<T>(&mut self, what: &'static str, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        let started = Instant::now();
+        let result = work()?;
+        self.times.push((what, started.elapsed()));
+        Ok(result)
+    }
+
+    /// Files that two formats share (the PNG set's README) are listed once.
+    fn add(&mut self, written: Vec<Written>) {
+        for file in written {
+            if !self.files.iter().any(|f| f.path == file.path) {
+                self.files.push(file);
+            }
+        }
+    }
+
+    fn report(&self, job: &Job) -> String {
+        let recipe = job.file.recipe();
+        let mut text = format!("{}  {}, seed {}\n", recipe.name, recipe.size, recipe.seed);
+        let width = self
+            .files
+            .iter()
+            .map(|f| f.path.display().to_string().len());
+        let width = width.max().unwrap_or(0);
+        for file in &self.files {
+            let path = file.path.display().to_string();
+            let _ = writeln!(text, "  {path:width$}  {:>9}", console::bytes(file.bytes));
+        }
+        if let Some(r) = &self.round_trip {
+            let _ = writeln!(
+                text,
+                "read back from the glTF: widths within {:.2} %, directions within {:.2} degrees; the smallest widths within {:.1} %",
+                100.0 * r.alpha,
+                r.degrees,
+                100.0 * r.alpha_elsewhere.max(r.alpha),
+            );
+            if r.clamped > 0 {
+                let _ = writeln!(text, "{} texels are rougher than glTF can say", r.clamped);
+            }
+        }
+        let times: Vec<String> = self
+            .times
+            .iter()
+            .map(|(what, t)| format!("{what} {}", console::seconds(*t)))
+            .collect();
+        let _ = writeln!(text, "{}", times.join(", "));
+        text
+    }
+
+    fn to_json(&self, job: &Job) -> serde_json::Value {
+        let recipe = job.file.recipe();
+        let seconds: serde_json::Map<_, _> = self
+            .times
+            .iter()
+            .map(|(what, t)| ((*what).replace(' ', "_"), json!(t.as_secs_f64())))
+            .collect();
+        json!({
+            "name": recipe.name,
+            "size": [recipe.size.width(), recipe.size.height()],
+            "seed": recipe.seed,
+            "files": self.files,
+            "round_trip": self.round_trip,
+            "seconds": seconds,
+            "ignored": job.file.ignored(),
+        })
+    }
+}

@@ -1,0 +1,124 @@
+//! What a command works on: a recipe with its overrides, or a map from a file.
+
+use super::args::RecipeArgs;
+use super::{Result, console};
+use anisomap::Error;
+use anisomap::convention::MapInfo;
+use anisomap::import;
+use anisomap::map::{AnisoMap, Mended, Size};
+use anisomap::mesh::{self, Mesh};
+use anisomap::recipe::{self, Files, Recipe, RecipeFile};
+use std::path::Path;
+
+/// The mesh of a recipe or map that names none.
+const MESH: &str = "torus";
+
+/// A recipe with everything the user overrides in it.
+pub(super) fn recipe(word: &str, args: &RecipeArgs, size: Option<Size>) -> Result<RecipeFile> {
+    let mut file = recipe::open(word)?;
+    for key in file.ignored() {
+        let path = file.path().display();
+        console::complain(&format!(
+            "note: {path} is newer than this program, which ignores its key {key}"
+        ));
+    }
+    let mut overrides = args.set.clone();
+    if let Some(size) = size {
+        let value = format!("[{}, {}]", size.width(), size.height());
+        overrides.push(("size".to_owned(), value));
+    }
+    if let Some(seed) = args.seed {
+        overrides.push(("seed".to_owned(), seed.to_string()));
+    }
+    file.set(&overrides)?;
+    Ok(file)
+}
+
+/// The map of a recipe, at the recipe's size.
+pub(super) fn fill(recipe: &Recipe, files: &Files) -> Result<AnisoMap> {
+    let prepared = recipe.prepare(recipe.size, files)?;
+    console::with_progress("filling", |progress| prepared.map(progress))
+}
+
+/// What files say about a recipe's map.
+pub(super) fn info(recipe: &Recipe) -> MapInfo {
+    MapInfo {
+        name: recipe.name.clone(),
+        aspect: recipe.aspect_at(recipe.size),
+    }
+}
+
+/// The mesh that the user names, or else the recipe.
+pub(super) fn mesh(named: Option<&str>, recipe: Option<(&Recipe, &Files)>) -> Result<Mesh> {
+    if let Some(word) = named {
+        return mesh::open(word);
+    }
+    match recipe.and_then(|(r, files)| r.mesh.as_deref().map(|word| (word, files))) {
+        Some((word, files)) if word.contains(['/', '\\', '.']) => {
+            mesh::load(&files.resolve("mesh", word)?)
+        }
+        Some((word, _)) => mesh::open(word),
+        None => mesh::open(MESH),
+    }
+}
+
+/// A map and where it came from.
+pub(super) struct Source {
+    pub(super) map: AnisoMap,
+    pub(super) mended: Mended,
+    pub(super) info: MapInfo,
+    /// The recipe and its files, where the input is one.
+    pub(super) recipe: Option<(Recipe, Files)>,
+}
+
+/// A map by its file, or the map of a recipe.
+pub(super) fn source(word: &str, args: &RecipeArgs, size: Option<Size>) -> Result<Source> {
+    let path = Path::new(word);
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let imported = match extension.as_deref() {
+        Some("exr") => import::exr::read_master(path)?,
+        Some("glb" | "gltf") => import::gltf::read_gltf(path)?,
+        Some(other) if other != "toml" && path.is_file() => {
+            return Err(
+                Error::file(path, "it is no recipe and no map by its name").with_hint(
+                    "Recipes are read from .toml files, maps from .exr, .glb and .gltf files",
+                ),
+            );
+        }
+        _ => {
+            let file = recipe(word, args, size)?;
+            let files = file.files(args.allow_outside);
+            let recipe = file.recipe().clone();
+            return Ok(Source {
+                map: fill(&recipe, &files)?,
+                mended: Mended::default(),
+                info: info(&recipe),
+                recipe: Some((recipe, files)),
+            });
+        }
+    };
+    refuse_overrides(args, size)?;
+    Ok(Source {
+        map: imported.map,
+        mended: imported.mended,
+        info: imported.info,
+        recipe: None,
+    })
+}
+
+/// An option that has no effect would mislead.
+fn refuse_overrides(args: &RecipeArgs, size: Option<Size>) -> Result<()> {
+    let given = [
+        ("--set", !args.set.is_empty()),
+        ("--seed", args.seed.is_some()),
+        ("the map's size", size.is_some()),
+    ];
+    match given.into_iter().find(|(_, is)| *is) {
+        Some((name, _)) => Err(Error::invalid(
+            name,
+            "given with a finished map",
+            "allowed: only with a recipe or preset",
+        )),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,52 @@
+//! Commands: each reads, calls the library, and writes.
+//!
+//! Exit codes: 0 done, 1 the work found something wrong (or was cancelled), 2 bad arguments or invalid or missing input,
+//! 3 the machine failed (disk, permissions). Results go to stdout, everything else to stderr.
+
+mod args;
+mod batch;
+mod completions;
+mod console;
+mod generate;
+mod input;
+mod inspect;
+mod presets;
+mod preview;
+
+use args::{Arguments, Command};
+use clap::Parser;
+use std::process::ExitCode;
+
+/// How a command that did its work ended.
+enum Outcome {
+    /// Nothing is wrong.
+    Fine,
+    /// The work is done, and found something wrong. Exit code 1.
+    Wrong,
+}
+
+type Result<T = Outcome, E = anisomap::Error> = std::result::Result<T, E>;
+
+/// Parses the arguments, runs the command, and turns its end into an exit code.
+pub(crate) fn run() -> ExitCode {
+    let arguments = Arguments::parse();
+    match dispatch(arguments.command) {
+        Ok(Outcome::Fine) => ExitCode::SUCCESS,
+        Ok(Outcome::Wrong) => ExitCode::from(1),
+        Err(error) => {
+            console::complain(&format!("error: {error}"));
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn dispatch(command: Command) -> Result {
+    match command {
+        Command::Presets(args) => presets::run(args),
+        Command::Generate(args) => generate::run(args),
+        Command::Preview(args) => preview::run(args),
+        Command::Inspect(args) => inspect::run(args),
+        Command::Batch(args) => batch::run(args),
+        Command::Completions(args) => completions::run(args),
+    }
+}

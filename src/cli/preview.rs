@@ -1,0 +1,171 @@
+//! `anisomap preview`
+
+use super::args::PreviewArgs;
+use super::generate::write_picture;
+use super::{Outcome, Result, console, input};
+use anisomap::Error;
+use anisomap::map::{AnisoMap, Size};
+use anisomap::mesh::Mesh;
+use anisomap::preview::{
+    Difference, Look, Material, Measure, Picture, Scene, Subject, render, render_sheet,
+};
+use anisomap::recipe::Recipe;
+use glam::Vec3;
+use serde_json::json;
+
+/// The picture's size for one look; further looks widen it up to [`WIDEST`] times.
+const WIDTH: u32 = 960;
+const HEIGHT: u32 = 720;
+const WIDEST: u32 = 4;
+
+pub(super) fn run(args: PreviewArgs) -> Result {
+    console::catch_interrupts();
+    if args.difference && args.model.len() != 2 {
+        return Err(Error::invalid(
+            "--difference",
+            format!("given with {} models", args.model.len()),
+            "allowed: with two, as in --model ward,ggx --difference",
+        ));
+    }
+    // The small things first: a wrong word should not cost the time of a map.
+    let is_png = args
+        .output
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    if !is_png {
+        return Err(Error::invalid(
+            "--output",
+            args.output.display(),
+            "allowed: a file whose name ends in .png",
+        ));
+    }
+    let named = args.mesh.as_deref().map(anisomap::mesh::open).transpose()?;
+    let source = input::source(&args.input, &args.recipe_args, args.map_size)?;
+    let recipe = source.recipe.as_ref().map(|(r, files)| (r, files));
+    let mesh = named.map_or_else(|| input::mesh(None, recipe), Ok)?;
+    let material = recipe.map(|(r, _)| r.material).unwrap_or_default();
+    let mut scene = scene(&mesh, recipe.map(|(r, _)| r));
+    if !args.light.is_empty() {
+        scene.set_directions(&args.light);
+    }
+    scene.exposure = args.exposure.unwrap_or(scene.exposure);
+    scene.samples = args.samples.unwrap_or(scene.samples);
+    let looks = looks(&args.model, recipe.map(|(r, _)| r))?;
+    let shown = Shown {
+        mesh: &mesh,
+        map: &source.map,
+        material: &material,
+        scene: &scene,
+    };
+    let size = args
+        .size
+        .map_or_else(|| default_size(looks.len(), args.difference), Ok)?;
+    let (picture, difference) = if args.difference {
+        let (picture, numbers) = shown.difference(&looks, size)?;
+        (picture, Some(numbers))
+    } else {
+        (shown.sheet(&looks, size)?, None)
+    };
+    let written = write_picture(&args.output, &picture)?;
+    if args.json {
+        console::print_json(&json!({
+            "path": written.path,
+            "bytes": written.bytes,
+            "size": [picture.width(), picture.height()],
+            "models": looks.iter().map(Look::to_string).collect::<Vec<_>>(),
+            "difference": difference,
+        }))?;
+    } else {
+        let path = written.path.display();
+        let mut text = format!(
+            "{path}  {}  {}\n",
+            picture.size(),
+            console::bytes(written.bytes)
+        );
+        if let Some(numbers) = difference {
+            text += &format!(
+                "difference in luminance: largest {:.4}, mean {:.4}\n",
+                numbers["largest"].as_f64().unwrap_or(0.0),
+                numbers["mean"].as_f64().unwrap_or(0.0)
+            );
+        }
+        console::print(&text)?;
+    }
+    Ok(Outcome::Fine)
+}
+
+fn default_size(looks: usize, difference: bool) -> Result<Size> {
+    let panels = if difference {
+        1
+    } else {
+        u32::try_from(looks).unwrap_or(WIDEST)
+    };
+    if panels == 1 {
+        Size::new(WIDTH, HEIGHT)
+    } else {
+        Size::new(WIDTH * 2 / 3 * panels.min(WIDEST), WIDTH * 2 / 3)
+    }
+}
+
+/// The scene for a mesh, with what the recipe says of lights and exposure.
+pub(super) fn scene(mesh: &Mesh, recipe: Option<&Recipe>) -> Scene {
+    let mut scene = Scene::for_mesh(mesh);
+    if let Some(recipe) = recipe {
+        let lights: Vec<Vec3> = recipe.scene.lights.iter().map(|l| Vec3::from(*l)).collect();
+        if !lights.is_empty() {
+            scene.set_directions(&lights);
+        }
+        scene.exposure = recipe.scene.exposure;
+    }
+    scene
+}
+
+/// The looks that the user names, or else the recipe, or else Ward's with the map.
+pub(super) fn looks(named: &[Look], recipe: Option<&Recipe>) -> Result<Vec<Look>> {
+    if !named.is_empty() {
+        return Ok(named.to_vec());
+    }
+    match recipe.map(|r| &r.scene.models) {
+        Some(words) if !words.is_empty() => words.iter().map(|w| w.parse()).collect(),
+        _ => Ok(vec![Look::default()]),
+    }
+}
+
+/// What is drawn.
+pub(super) struct Shown<'a> {
+    pub(super) mesh: &'a Mesh,
+    pub(super) map: &'a AnisoMap,
+    pub(super) material: &'a Material,
+    pub(super) scene: &'a Scene,
+}
+
+impl Shown<'_> {
+    fn subject(&self) -> Subject<'_> {
+        Subject {
+            mesh: self.mesh,
+            map: self.map,
+            material: self.material,
+        }
+    }
+
+    /// One picture with a panel for each look; a single look has no caption.
+    pub(super) fn sheet(&self, looks: &[Look], size: Size) -> Result<Picture> {
+        console::with_progress("drawing", |progress| {
+            if looks.len() > 1 {
+                return render_sheet(self.subject(), self.scene, looks, size, progress);
+            }
+            let mut pictures = render(self.subject(), self.scene, looks, size, progress)?;
+            Ok(pictures.swap_remove(0))
+        })
+    }
+
+    /// How two looks differ, as a picture and as numbers.
+    fn difference(&self, looks: &[Look], size: Size) -> Result<(Picture, serde_json::Value)> {
+        let pictures = console::with_progress("drawing", |progress| {
+            render(self.subject(), self.scene, looks, size, progress)
+        })?;
+        let difference = Difference::new(&pictures[0], &pictures[1], Measure::Signed)?;
+        let numbers = json!({ "largest": difference.largest(), "mean": difference.mean() });
+        Ok((difference.picture()?, numbers))
+    }
+}
