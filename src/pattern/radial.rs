@@ -36,8 +36,10 @@ pub struct Radial {
     pub center: [f32; 2],
     /// Spacing of the broadest rings, surface units; for spokes, their width at radius 0.5.
     pub ring_spacing: f32,
-    /// How far a ring runs before it changes, degrees of turn; for spokes, a length in hundredths of a surface unit.
+    /// How far a ring runs before it changes, degrees of turn. Not for spokes.
     pub arc: f32,
+    /// Length of the longest streaks of a spoke, surface units. Only for spokes.
+    pub spoke_length: f32,
     /// Outward step of a spiral for one turn, surface units. Only for the spiral.
     pub pitch: f32,
     /// How strongly the spiral's ridge shows: relative swing of both widths over one pitch. Only for the spiral.
@@ -67,6 +69,7 @@ impl Default for Radial {
             center: [0.5, 0.5],
             ring_spacing: 0.01,
             arc: 120.0,
+            spoke_length: 0.8,
             pitch: 0.02,
             feed_marks: 0.2,
             cap_radius: 0.01,
@@ -85,7 +88,8 @@ impl Radial {
     pub(super) const PARAMETERS: &[Parameter] = with_grooves!("";
         Parameter::new("center", "UV units", -10.0..=10.0, "the centre"),
         Parameter::new("ring_spacing", "surface units", 1e-4..=10.0, "spacing of the broadest rings; of spokes, their width at radius 0.5"),
-        Parameter::new("arc", "degrees", 1.0..=3600.0, "how far a ring runs before it changes"),
+        Parameter::new("arc", "degrees", 1.0..=3600.0, "how far a ring runs before it changes; not for spokes"),
+        Parameter::new("spoke_length", "surface units", 1e-3..=100.0, "length of the longest streaks of a spoke"),
         Parameter::new("pitch", "surface units", 1e-4..=10.0, "outward step of a spiral for one turn"),
         Parameter::fraction("feed_marks", "relative swing of both widths over one pitch of a spiral"),
         Parameter::new("cap_radius", "surface units", 0.0..=10.0, "radius of the round cap at the centre"),
@@ -126,7 +130,7 @@ impl Radial {
         };
         if self.style == RadialStyle::Spokes {
             plane.direction = Vec2::Y;
-            plane.length = self.arc / 100.0;
+            plane.length = self.spoke_length;
             plane.width = self.ring_spacing / (0.5 * TAU);
             plane.texel = texel / (0.5 * TAU);
         }
