@@ -147,6 +147,17 @@ impl AnisoMap {
         }
     }
 
+    /// A map of zeros, whose memory is not touched yet: the threads that fill it do so side by side. Whoever asks for it
+    /// writes every texel before anybody else sees it.
+    pub(crate) fn unfilled(size: Size, wrap: Wrap) -> Self {
+        let plane = || vec![0.0; size.texels()];
+        let planes = [plane(), plane(), plane(), plane()];
+        Self {
+            region: Region::from_planes(size.rect(), planes).expect("planes of the map's size"),
+            wrap,
+        }
+    }
+
     /// A map from planes `[alpha_x, alpha_y, cos 2θ, sin 2θ]` of width x height numbers each, made safe: see [`Mended`].
     ///
     /// # Errors

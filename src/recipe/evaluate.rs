@@ -207,7 +207,7 @@ impl Prepared {
     /// # Errors
     /// [`crate::Error::Cancelled`] when `progress` says so.
     pub fn map(&self, progress: &Progress<'_>) -> Result<AnisoMap> {
-        let mut map = AnisoMap::constant(self.size, self.wrap, DEFAULT_TEXEL);
+        let mut map = AnisoMap::unfilled(self.size, self.wrap);
         let rows = match self.only_layer() {
             Some(_) => (BAND_TEXELS / self.size.width()).max(1),
             None => TILE_HEIGHT,
