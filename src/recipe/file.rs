@@ -11,6 +11,10 @@ use toml_edit::{Array, Document, DocumentMut, Item, Table, TableLike, Value};
 
 /// The largest recipe that is read, in bytes: long painting sessions fit, a film renamed to `.toml` does not.
 const BYTES_MAX: u64 = 64 << 20;
+/// The most unknown keys that a newer file may have: each costs one more reading.
+const IGNORED_MAX: usize = 200;
+/// The deepest key that an override may name.
+const DEPTH_MAX: usize = 16;
 
 /// A recipe with its text.
 #[derive(Clone, Debug)]
@@ -247,6 +251,10 @@ fn lenient(text: &str) -> std::result::Result<(Recipe, Vec<String>), Mistake> {
             Err(mistake) => mistake,
         };
         let mut shorter = document.clone().into_mut();
+        if ignored.len() == IGNORED_MAX {
+            let text = format!("more than {IGNORED_MAX} keys are not known to this version");
+            return Err(Mistake { text, ..mistake });
+        }
         if !mistake.unknown || !take_away(shorter.as_table_mut(), &mistake.path) {
             return Err(mistake);
         }
@@ -291,8 +299,8 @@ fn parse_value(text: &str) -> Value {
 /// Puts a value at a key; gives back the key with numbers for names.
 fn put(root: &mut Table, key: &str, value: Value) -> Result<String> {
     let parts: Vec<&str> = key.split('.').collect();
-    let empty = parts.iter().any(|p| p.trim().is_empty());
-    let Some((last, parents)) = parts.split_last().filter(|_| !empty) else {
+    let fine = parts.len() <= DEPTH_MAX && parts.iter().all(|p| !p.trim().is_empty());
+    let Some((last, parents)) = parts.split_last().filter(|_| fine) else {
         return Err(Error::invalid(
             "the key",
             format!("`{key}`"),
@@ -507,6 +515,8 @@ mod tests {
         let recipe = file.recipe().clone();
         assert!(file.update(recipe).is_err());
         fails("version = 2\nsize = 0", &["line 2"]);
+        let many: String = (0..500).map(|i| format!("k{i} = 1\n")).collect();
+        fails(&format!("version = 2\n{many}"), &["more than 200 keys"]);
     }
 
     #[test]
@@ -583,6 +593,8 @@ mod tests {
         );
         fails(&[("name.x", "1")], &["not a table"]);
         fails(&[("", "1")], &["words with dots"]);
+        let deep = ["a"; 100_000].join(".");
+        fails(&[(deep.as_str(), "1")], &["words with dots"]);
         fails(
             &[
                 ("material.diffuse", "[0, 0, 0]"),
