@@ -193,12 +193,26 @@ fn a_recipe_is_never_written_over() {
         fs::read_to_string(desk.path("own.toml")).expect("there"),
         text
     );
-    let end = desk.run("generate ./own.toml -o . --formats exr --size 8");
-    assert_eq!(end.code, 2);
-    assert!(end.err.contains("another folder"), "{}", end.err);
-    assert_eq!(
-        fs::read_to_string(desk.path("own.toml")).expect("there"),
-        text
+    let refused = |arguments: &str| {
+        let end = desk.run(arguments);
+        assert_eq!(end.code, 2, "{}", end.err);
+        assert!(
+            end.err.contains("own.toml") && end.err.contains("another folder"),
+            "{}",
+            end.err
+        );
+        let now = fs::read_to_string(desk.path("own.toml")).expect("there");
+        assert_eq!(now, text);
+    };
+    refused("generate ./own.toml -o . --formats exr --size 8");
+    refused("generate pot -o . --set name=own --formats exr");
+    // What the tool wrote itself it may replace.
+    desk.works("generate pot -o maps --size 4 --formats exr");
+    desk.works("generate pot -o maps --size 8 --formats exr");
+    let copy = fs::read_to_string(desk.path("maps/pot.toml")).expect("there");
+    assert!(
+        copy.starts_with("# The recipe of the maps") && copy.contains("[8, 8]"),
+        "{copy}"
     );
 }
 

@@ -23,6 +23,9 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+/// The first line of a recipe's copy, by which a later run knows that it may be replaced.
+const MARK: &str =
+    "# The recipe of the maps beside it, written by anisomap. Copy it before you change it.";
 /// The size of the picture beside the maps.
 const PICTURE: (u32, u32) = (960, 720);
 
@@ -108,7 +111,7 @@ impl Job {
             None
         };
         let looks = looks(&[], Some(recipe))?;
-        self.refuse_overwriting()?;
+        let copy = self.copy_of_recipe()?;
         make_folder(&self.folder).map_err(Error::write(&self.folder))?;
         let mut made = Made {
             files: Vec::new(),
@@ -128,9 +131,8 @@ impl Job {
                 _ => self.write_map(&mut made, &export, format)?,
             }
         }
-        let text = self.file.to_toml();
-        let path = self.path(".toml");
-        if !self.is_own_recipe() {
+        if let Some(text) = copy {
+            let path = self.path(".toml");
             made.files
                 .push(write_atomic(&path, |f| f.write_all(text.as_bytes()))?);
         }
@@ -145,27 +147,44 @@ impl Job {
         beside(&self.stem(), suffix)
     }
 
-    /// Whether the recipe's copy would be the file it was read from.
-    fn is_own_recipe(&self) -> bool {
-        let real = |p: &Path| p.canonicalize().ok();
-        let own = real(self.file.path());
-        own.is_some() && own == real(&self.path(".toml"))
-    }
-
-    /// The recipe as it was used lies beside the maps, but never over the user's own.
-    fn refuse_overwriting(&self) -> Result<()> {
-        if !self.is_own_recipe() {
-            return Ok(());
+    /// The recipe as it was used, to lie beside the maps; `None` where just that lies there already. A recipe that somebody
+    /// wrote is never written over.
+    fn copy_of_recipe(&self) -> Result<Option<String>> {
+        let path = self.path(".toml");
+        let text = self.file.to_toml();
+        let marked = if text.starts_with(MARK) {
+            text.clone()
+        } else {
+            format!("{MARK}\n{text}")
+        };
+        let there = match fs::read_to_string(&path) {
+            Ok(there) => there,
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Some(marked)),
+            Err(e) if e.kind() == io::ErrorKind::NotADirectory => return Ok(Some(marked)), // told when it is made
+            Err(e) => return Err(Error::write(&path)(e)),
+        };
+        if there == text {
+            return Ok(None);
         }
-        let own = fs::read_to_string(self.file.path()).map_err(Error::read(self.file.path()))?;
-        if own == self.file.to_toml() {
-            return Ok(());
+        if there.starts_with(MARK) && !self.is_own_recipe(&path) {
+            return Ok(Some(marked));
         }
         Err(Error::invalid(
             "--output",
             self.folder.display(),
-            "allowed: another folder than the recipe's own, since the recipe with its overrides is written there too",
-        ))
+            format!(
+                "allowed: a folder without a {} of yours, since the recipe as it was used is written there",
+                path.display()
+            ),
+        )
+        .with_hint("Name another folder"))
+    }
+
+    /// Whether a path leads to the file that the recipe was read from.
+    fn is_own_recipe(&self, path: &Path) -> bool {
+        let real = |p: &Path| p.canonicalize().ok();
+        let own = real(self.file.path());
+        own.is_some() && own == real(path)
     }
 
     fn write_map(&self, made: &mut Made, export: &Export<'_>, format: Target) -> Result<()> {
