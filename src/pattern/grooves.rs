@@ -89,7 +89,6 @@ pub(super) struct Streaks {
     /// Points taken per texel, and the step of the plane from one to the next.
     samples: usize,
     step: Vec2,
-    x_is_wide: bool,
 }
 
 /// The plane that grooves are laid out in.
@@ -168,7 +167,6 @@ impl Streaks {
             break_from: normal_quantile(1.0 - look.breaks),
             samples: samples as usize,
             step: perpendicular * (plane.texel / samples),
-            x_is_wide: look.alpha_along > look.alpha_across,
         }
     }
 
@@ -296,7 +294,6 @@ fn fill_mean<S: Simd>(_: S, streaks: &Streaks, chunk: &Chunk, out: [&mut [f32]; 
         }
     }
     let scale = 1.0 / streaks.samples as f32;
-    let narrow_sign = if streaks.x_is_wide { 1.0 } else { -1.0 };
     for i in 0..n {
         let (t, d, e) = (trace[i] * scale, difference[i] * scale, cross[i] * scale);
         let length = (d * d + e * e).sqrt();
@@ -305,9 +302,11 @@ fn fill_mean<S: Simd>(_: S, streaks: &Streaks, chunk: &Chunk, out: [&mut [f32]; 
         let narrow = 0.25 * (t * t - length * length).max(0.0) / wide;
         let (wide, narrow) = (wide.sqrt().min(ALPHA_MAX), narrow.sqrt().max(ALPHA_MIN));
         let coherent = length > AXIS_MIN_LENGTH * AXIS_MIN_LENGTH * t;
-        let inverse = narrow_sign / length.max(1e-20);
-        alpha_x[i] = if streaks.x_is_wide { wide } else { narrow };
-        alpha_y[i] = if streaks.x_is_wide { narrow } else { wide };
+        // x stays the axis nearer to the grooves, also where a streak happens to be wider along them.
+        let x_is_wide = d * chunk.cos2[i] + e * chunk.sin2[i] > 0.0;
+        let inverse = if x_is_wide { 1.0 } else { -1.0 } / length.max(1e-20);
+        alpha_x[i] = if x_is_wide { wide } else { narrow };
+        alpha_y[i] = if x_is_wide { narrow } else { wide };
         cos2[i] = if coherent { d * inverse } else { chunk.cos2[i] };
         sin2[i] = if coherent { e * inverse } else { chunk.sin2[i] };
         value[i] = sum[i] * scale;

@@ -133,6 +133,7 @@ impl Pot {
         let disc = |island: Island, purpose: u32| {
             Finished::Disc(self.disc().prepare_around(
                 island.centre() * surface.extent(),
+                surface.extent().x,
                 surface,
                 purpose,
             ))
@@ -228,12 +229,17 @@ enum Finished {
 }
 
 impl Finish {
-    /// The part whose island is nearest to a point of the layout.
+    /// The part whose island is nearest to a point of the layout, which goes around.
     fn nearest(&self, uv: Vec2) -> usize {
         let extent = self.surface.extent();
         let distance = |island: &Island| {
-            let outside = (island.min - uv).max(uv - island.max).max(Vec2::ZERO) * extent;
-            outside.length_squared()
+            let outside = (island.min - uv).max(uv - island.max).max(Vec2::ZERO);
+            let around = outside
+                .x
+                .min((1.0 - outside.x - (island.max.x - island.min.x)).max(0.0));
+            // From the left and the right at once, the shorter way counts.
+            let x = if outside.x > 0.0 { around } else { 0.0 };
+            (Vec2::new(x, outside.y) * extent).length_squared()
         };
         (0..self.parts.len())
             .min_by(|a, b| distance(&self.parts[*a].0).total_cmp(&distance(&self.parts[*b].0)))

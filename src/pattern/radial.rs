@@ -108,11 +108,23 @@ impl Radial {
     }
 
     pub(super) fn prepare(&self, surface: &Surface) -> Rings {
-        self.prepare_around(Vec2::from(self.center) * surface.extent(), surface, 2)
+        self.prepare_around(
+            Vec2::from(self.center) * surface.extent(),
+            f32::MAX,
+            surface,
+            2,
+        )
     }
 
-    /// The same around a centre given in surface units; `purpose` tells the uses of one seed apart.
-    pub(super) fn prepare_around(&self, center: Vec2, surface: &Surface, purpose: u32) -> Rings {
+    /// The same around a centre given in surface units, seen again every `period` to the left and right; `purpose` tells the
+    /// uses of one seed apart.
+    pub(super) fn prepare_around(
+        &self,
+        center: Vec2,
+        period: f32,
+        surface: &Surface,
+        purpose: u32,
+    ) -> Rings {
         let texel = surface.texel().max_element();
         // The plane of the streaks is (turns, radius); it closes after one turn.
         let mut plane = Plane {
@@ -139,6 +151,7 @@ impl Radial {
         Rings {
             surface: *surface,
             center,
+            period,
             style: self.style,
             pitch: self.pitch,
             feed_marks: self.feed_marks,
@@ -155,6 +168,7 @@ impl Radial {
 pub(super) struct Rings {
     surface: Surface,
     center: Vec2,
+    period: f32,
     style: RadialStyle,
     pitch: f32,
     feed_marks: f32,
@@ -181,7 +195,7 @@ impl Rings {
                     .surface
                     .position(run.x + column + i as u32, run.y + row)
                     - self.center;
-                (chunk.a[i], chunk.b[i]) = (p.x, p.y);
+                (chunk.a[i], chunk.b[i]) = (p.x - self.period * (p.x / self.period).round(), p.y);
             }
             dispatch!(level, simd => to_polar(simd, self, chunk, n));
             self.streaks.fill(chunk, n, out, value, at + offset);
