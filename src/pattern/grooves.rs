@@ -187,7 +187,10 @@ impl Streaks {
             &mut out.sin2[to.clone()],
             &mut value[to],
         ];
-        let level = level();
+        self.fill_planes(level(), chunk, planes);
+    }
+
+    fn fill_planes(&self, level: Level, chunk: &Chunk, planes: [&mut [f32]; 5]) {
         if self.samples == 1 {
             dispatch!(level, simd => fill_one(simd, self, chunk, planes));
         } else {
@@ -334,6 +337,51 @@ pub(super) fn for_chunks(width: u32, height: u32, mut f: impl FnMut(u32, u32, us
                 n,
                 row as usize * width as usize + column as usize,
             );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::Size;
+
+    #[test]
+    fn every_cpu_level_gives_the_same_bits() {
+        for (side, samples) in [(4096, 1), (64, 2)] {
+            let size = Size::new(side, side).unwrap();
+            let surface = Surface {
+                size,
+                aspect: 1.0,
+                wrap: Wrap::Repeat,
+                seed: 3,
+            };
+            let plane = Plane {
+                direction: Vec2::X,
+                length: 0.3,
+                width: 0.01,
+                extent: Vec2::ONE,
+                twist: 0.0,
+                wrap: Wrap::Repeat,
+                texel: surface.texel().y,
+            };
+            let streaks = Streaks::new(&Grooves::default(), &plane, &surface, 1);
+            assert!(streaks.samples >= samples && (samples > 1 || streaks.samples == 1));
+            let mut chunk = Chunk::new();
+            for i in 0..CHUNK {
+                chunk.a[i] = 0.003_7 * i as f32;
+                chunk.b[i] = 0.001_9 * (i * i % 521) as f32;
+            }
+            let filled = |level: Level| {
+                let mut planes = [[0.0f32; CHUNK]; 5];
+                streaks.fill_planes(level, &chunk, planes.each_mut().map(|p| &mut p[..]));
+                planes.map(|p| p.map(f32::to_bits))
+            };
+            assert!(filled(Level::baseline()) == filled(level()));
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            if let Some(avx2) = level().as_avx2() {
+                assert!(filled(Level::Avx2(avx2)) == filled(level()));
+            }
         }
     }
 }
