@@ -45,9 +45,13 @@ fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     std::iter::from_fn(move || {
         let (index, first) = lines.next()?;
         let mut text = String::from_utf8_lossy(first);
-        while let Some(begun) = text.trim_end().strip_suffix('\\') {
+        while text.trim_end().ends_with('\\') {
             let Some((_, next)) = lines.next() else { break };
-            text = Cow::Owned(format!("{begun} {}", String::from_utf8_lossy(next)));
+            let begun = text.trim_end().len() - 1;
+            let joined = text.to_mut();
+            joined.truncate(begun);
+            joined.push(' ');
+            joined.push_str(&String::from_utf8_lossy(next));
         }
         Some((index + 1, text))
     })
