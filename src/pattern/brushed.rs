@@ -85,7 +85,7 @@ impl Brushed {
             extent: surface.extent(),
             twist: 0.0,
             wrap: surface.wrap,
-            texel: (surface.texel() * direction.perp()).length(),
+            texel: [direction.perp(), direction].map(|way| (surface.texel() * way).length()),
         };
         Straight {
             surface: *surface,

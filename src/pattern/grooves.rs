@@ -66,8 +66,9 @@ const BREAK_STRENGTH: f32 = 0.7;
 const OCTAVES: [(f32, f32, f32); 3] = [(1.0, 1.0, 0.6), (0.7, 0.5, 0.6), (0.5, 0.25, 0.53)];
 /// Texels worked on at once: the arrays of one chunk stay in the first-level cache.
 pub(super) const CHUNK: usize = 256;
-/// The finest supersampling across the grooves.
+/// The finest supersampling across the grooves, and along them.
 const SAMPLES_MAX: f32 = 64.0;
+const SAMPLES_ALONG_MAX: f32 = 16.0;
 
 /// The CPU level, found once.
 pub(super) fn level() -> Level {
@@ -86,9 +87,9 @@ pub(super) struct Streaks {
     spread_across: f32,
     wander: f32,
     break_from: f32,
-    /// Points taken per texel, and the step of the plane from one to the next.
-    samples: usize,
-    step: Vec2,
+    /// Points taken per texel, across the grooves and along them, and the steps of the plane between them.
+    samples: [usize; 2],
+    steps: [Vec2; 2],
 }
 
 /// The plane that grooves are laid out in.
@@ -106,8 +107,8 @@ pub(super) struct Plane {
     pub(super) twist: f32,
     /// How it repeats.
     pub(super) wrap: Wrap,
-    /// What a texel covers of the plane across the grooves.
-    pub(super) texel: f32,
+    /// What a texel covers of the plane: across the grooves, and along them.
+    pub(super) texel: [f32; 2],
 }
 
 /// One chunk of texels on its way in: where they lie in the plane, how the grooves run there, and how much they are grooves.
@@ -121,6 +122,8 @@ pub(super) struct Chunk {
     pub(super) anisotropy: [f32; CHUNK],
     /// Added to the logarithm of both widths.
     pub(super) ln_gain: [f32; CHUNK],
+    /// What the texel covers of the plane, relative to what the plane says.
+    pub(super) reach: [f32; CHUNK],
 }
 
 impl Chunk {
@@ -133,6 +136,7 @@ impl Chunk {
             sin2: zero,
             anisotropy: [1.0; CHUNK],
             ln_gain: zero,
+            reach: [1.0; CHUNK],
         }
     }
 }
@@ -151,22 +155,53 @@ impl Streaks {
             )
         };
         let octaves = [0, 1, 2].map(|n| lattice(OCTAVES[n].0, OCTAVES[n].1, n as u32));
-        let perpendicular = plane.direction.perp();
-        // Enough points that the finest cells are met at 2/3 of their width; each texel then holds their mean lobe.
-        let cells = octaves[2].cells_across(perpendicular * plane.texel);
-        let samples = (1.5 * cells).ceil().clamp(1.0, SAMPLES_MAX);
-        Self {
+        let breaks = lattice(0.35, 0.5, 3);
+        // Enough points that the finest cells are met at 2/3 of their size; each texel then holds their mean lobe.
+        let across = plane.direction.perp() * plane.texel[0];
+        let along = plane.direction * plane.texel[1];
+        let points = |cells: f32, most: f32| (1.5 * cells).ceil().clamp(1.0, most);
+        let samples = [
+            points(octaves[2].cells(across).y, SAMPLES_MAX),
+            points(breaks.cells(along).x, SAMPLES_ALONG_MAX),
+        ];
+        let mut streaks = Self {
             octaves,
-            breaks: lattice(0.35, 0.5, 3),
-            // Half a logarithm's variance off each way makes the stated width the root mean square.
-            ln_along: look.alpha_along.ln() - look.spread_along * look.spread_along,
-            ln_across: look.alpha_across.ln() - look.spread_across * look.spread_across,
+            breaks,
+            ln_along: look.alpha_along.ln(),
+            ln_across: look.alpha_across.ln(),
             spread_along: look.spread_along,
             spread_across: look.spread_across,
             wander: look.wander.to_radians(),
             break_from: normal_quantile(1.0 - look.breaks),
-            samples: samples as usize,
-            step: perpendicular * (plane.texel / samples),
+            samples: samples.map(|n| n as usize),
+            steps: [across / samples[0], along / samples[1]],
+        };
+        streaks.keep_widths(look, plane.extent);
+        streaks
+    }
+
+    /// Scales both widths so that their root mean square over the plane is what was asked for: spread and breaks would
+    /// otherwise move it. The plane is met at fixed points, so that every size of map gets the same factors.
+    fn keep_widths(&mut self, look: &Grooves, extent: Vec2) {
+        const POINTS: usize = 2048;
+        for _ in 0..3 {
+            let mut sum = [0.0f64; 2];
+            for n in 0..POINTS {
+                // The additive recurrence of the plastic number: even over the unit square.
+                let (u, v) = (
+                    n as f64 * 0.754_877_666_246_692_7,
+                    n as f64 * 0.569_840_290_998_053_2,
+                );
+                let (a, b) = (u.fract() as f32 * extent.x, v.fract() as f32 * extent.y);
+                let [x, y, ..] = self.at(a, b, 1.0, 0.0, 1.0, 0.0);
+                sum[0] += f64::from(x * x);
+                sum[1] += f64::from(y * y);
+            }
+            let off = |want: f32, sum: f64| {
+                0.5 * (f64::from(want * want) * POINTS as f64 / sum).ln() as f32
+            };
+            self.ln_along += off(look.alpha_along, sum[0]);
+            self.ln_across += off(look.alpha_across, sum[1]);
         }
     }
 
@@ -191,7 +226,7 @@ impl Streaks {
     }
 
     fn fill_planes(&self, level: Level, chunk: &Chunk, planes: [&mut [f32]; 5]) {
-        if self.samples == 1 {
+        if self.samples == [1, 1] {
             dispatch!(level, simd => fill_one(simd, self, chunk, planes));
         } else {
             dispatch!(level, simd => fill_mean(simd, self, chunk, planes));
@@ -276,11 +311,16 @@ fn fill_mean<S: Simd>(_: S, streaks: &Streaks, chunk: &Chunk, out: [&mut [f32]; 
         [0.0f32; CHUNK],
         [0.0f32; CHUNK],
     );
-    for k in 0..streaks.samples {
-        let offset = k as f32 - 0.5 * (streaks.samples as f32 - 1.0);
-        let (da, db) = (streaks.step.x * offset, streaks.step.y * offset);
+    let [across, along] = streaks.samples;
+    for k in 0..across * along {
+        let middle = |k: usize, n: usize| k as f32 - 0.5 * (n as f32 - 1.0);
+        let step = streaks.steps[0] * middle(k % across, across)
+            + streaks.steps[1] * middle(k / across, along);
         for i in 0..n {
-            let (a, b) = (chunk.a[i] + da, chunk.b[i] + db);
+            let (a, b) = (
+                chunk.a[i] + step.x * chunk.reach[i],
+                chunk.b[i] + step.y * chunk.reach[i],
+            );
             let [x, y, c, s, v] = streaks.at(
                 a,
                 b,
@@ -296,7 +336,7 @@ fn fill_mean<S: Simd>(_: S, streaks: &Streaks, chunk: &Chunk, out: [&mut [f32]; 
             sum[i] += v;
         }
     }
-    let scale = 1.0 / streaks.samples as f32;
+    let scale = 1.0 / (across * along) as f32;
     for i in 0..n {
         let (t, d, e) = (trace[i] * scale, difference[i] * scale, cross[i] * scale);
         let length = (d * d + e * e).sqrt();
@@ -347,6 +387,54 @@ mod tests {
     use crate::map::Size;
 
     #[test]
+    fn widths_are_the_root_mean_square_whatever_the_spread_and_the_breaks() {
+        let size = Size::new(256, 256).unwrap();
+        let surface = Surface {
+            size,
+            aspect: 1.0,
+            wrap: Wrap::Repeat,
+            seed: 3,
+        };
+        for (spread, breaks) in [(0.0, 0.0), (0.25, 0.1), (0.6, 0.0), (0.2, 0.7)] {
+            let look = Grooves {
+                spread_along: spread,
+                spread_across: spread,
+                breaks,
+                ..Default::default()
+            };
+            let plane = Plane {
+                direction: Vec2::X,
+                length: 0.2,
+                width: 0.02,
+                extent: Vec2::ONE,
+                twist: 0.0,
+                wrap: Wrap::Repeat,
+                texel: [0.0, 0.0],
+            };
+            let streaks = Streaks::new(&look, &plane, &surface, 1);
+            let (mut along, mut across) = (0.0, 0.0);
+            let n = 300;
+            for i in 0..n * n {
+                let (a, b) = ((i % n) as f32 / n as f32, (i / n) as f32 / n as f32);
+                let [x, y, ..] = streaks.at(a, b, 1.0, 0.0, 1.0, 0.0);
+                along += x * x;
+                across += y * y;
+            }
+            let rms = |sum: f32| (sum / (n * n) as f32).sqrt();
+            assert!(
+                (rms(along) / look.alpha_along - 1.0).abs() < 0.03,
+                "{spread} {breaks}: {}",
+                rms(along)
+            );
+            assert!(
+                (rms(across) / look.alpha_across - 1.0).abs() < 0.03,
+                "{spread} {breaks}: {}",
+                rms(across)
+            );
+        }
+    }
+
+    #[test]
     fn every_cpu_level_gives_the_same_bits() {
         for (side, samples) in [(4096, 1), (64, 2)] {
             let size = Size::new(side, side).unwrap();
@@ -363,10 +451,14 @@ mod tests {
                 extent: Vec2::ONE,
                 twist: 0.0,
                 wrap: Wrap::Repeat,
-                texel: surface.texel().y,
+                texel: [surface.texel().y, surface.texel().x],
             };
             let streaks = Streaks::new(&Grooves::default(), &plane, &surface, 1);
-            assert!(streaks.samples >= samples && (samples > 1 || streaks.samples == 1));
+            assert!(
+                (streaks.samples != [1, 1]) == (samples > 1),
+                "{:?}",
+                streaks.samples
+            );
             let mut chunk = Chunk::new();
             for i in 0..CHUNK {
                 chunk.a[i] = 0.003_7 * i as f32;

@@ -8,8 +8,16 @@ use glam::Vec2;
 /// Variance of one octave of smoothly interpolated uniform noise in [-1, 1]: 1/3 (uniform) times 0.743² (two cubic blends).
 pub(super) const OCTAVE_VARIANCE: f32 = 0.184;
 
-/// What an endless axis is folded by: further than any f32 lattice coordinate reaches.
-const ENDLESS: f32 = 1e9;
+/// What an endless axis is folded by: further than any lattice coordinate reaches. No surface has more cells than that.
+const ENDLESS: i32 = 1 << 30;
+/// Cells across a surface at the most: coordinates stay whole numbers to the last in f32.
+const ACROSS_MAX: f32 = (1 << 21) as f32;
+/// Cells along a surface at the most: with [`WINDINGS_MAX`], products of cell numbers stay below 2^31.
+const ALONG_MAX: f32 = (1 << 17) as f32;
+/// How often a row of cells may wind around the surface before it closes.
+const WINDINGS_MAX: u32 = 64;
+/// How far rows are turned at the most to close after fewer windings, radians.
+const TURN_MAX: f32 = 0.004;
 
 /// Cells over a plane (a, b): the lattice coordinates of a point are (along · p, across · p). Coordinates that differ by a
 /// period of the surface fall on cells with the same random numbers.
@@ -18,9 +26,9 @@ pub(super) struct Lattice {
     along: Vec2,
     across: Vec2,
     /// Cells repeat under (cells_along, 0) and (skew, cells_across).
-    cells_along: f32,
-    cells_across: f32,
-    skew: f32,
+    cells_along: i32,
+    cells_across: i32,
+    skew: i32,
     seed: u32,
 }
 
@@ -39,11 +47,17 @@ impl Lattice {
         wrap: Wrap,
         seed: u32,
     ) -> Self {
+        // Cells finer than that are far under any texel: make them as fine as can be.
+        let span = extent.x + extent.y + twist.abs();
+        let (length, width) = (length.max(span / ALONG_MAX), width.max(span / ACROSS_MAX));
         let along = direction / length;
         let across = direction.perp() / width;
         // Column by column: how many cells one period of the plane spans.
         let mut u = [along, across].map(|row| row.dot(Vec2::new(extent.x, -twist)));
         let mut v = [along.y * extent.y, across.y * extent.y];
+        if wrap.repeats_u() && wrap.repeats_v() {
+            (u[1], v[1]) = closing(u[1], v[1]);
+        }
         if wrap.repeats_u() {
             u = u.map(f32::round);
         }
@@ -75,7 +89,7 @@ impl Lattice {
             across: row(1),
             cells_along: ENDLESS,
             cells_across: ENDLESS,
-            skew: 0.0,
+            skew: 0,
             seed,
         };
         match (wrap.repeats_u(), wrap.repeats_v()) {
@@ -96,24 +110,24 @@ impl Lattice {
             q = [-q[0], -q[1]];
         }
         if p[0] != 0 {
-            self.cells_along = p[0].unsigned_abs() as f32;
+            self.cells_along = whole_cells(p[0].abs());
         }
         if q[1] != 0 {
-            self.cells_across = q[1] as f32;
-            self.skew = if p[0] == 0 {
-                q[0] as f32
+            self.cells_across = whole_cells(q[1]);
+            self.skew = whole_cells(if p[0] == 0 {
+                q[0]
             } else {
-                q[0].rem_euclid(p[0].abs()) as f32
-            };
+                q[0].rem_euclid(p[0].abs())
+            });
         } else if q[0] != 0 {
-            self.cells_along = q[0].unsigned_abs() as f32;
+            self.cells_along = whole_cells(q[0].abs());
         }
         self
     }
 
-    /// How many cells across the grooves a step of the plane covers.
-    pub(super) fn cells_across(&self, step: Vec2) -> f32 {
-        self.across.dot(step).abs()
+    /// How many cells a step of the plane covers, along and across.
+    pub(super) fn cells(&self, step: Vec2) -> Vec2 {
+        Vec2::new(self.along.dot(step), self.across.dot(step)).abs()
     }
 
     /// Two independent noises in [-1, 1] at (a, b).
@@ -133,26 +147,67 @@ impl Lattice {
     /// The noise along row `j` of cells.
     #[inline(always)]
     fn row(&self, s: f32, j: f32) -> (f32, f32) {
-        // Half a cell in, so that a quotient that should be whole cannot round to the one below.
-        let turns = floor_fast((j + 0.5) * (1.0 / self.cells_across));
-        let j = j - turns * self.cells_across;
-        let row = hash(to_bits(j), self.seed);
+        let (j, turns) = fold(to_int(j), self.cells_across);
+        let row = hash(j as u32, self.seed);
         let x = s + unit(row >> 8);
         let i = floor_fast(x);
         let f = ease(x - i);
         // After the fraction is taken: the skew may be large, and whole numbers stay exact.
-        let i = i - turns * self.skew;
-        let (p, q) = (self.cell(i, row), self.cell(i + 1.0, row));
+        let i = to_int(i).wrapping_sub(turns.wrapping_mul(self.skew));
+        let (p, q) = (self.cell(i, row), self.cell(i.wrapping_add(1), row));
         (p.0 + (q.0 - p.0) * f, p.1 + (q.1 - p.1) * f)
     }
 
     /// The two random numbers of a cell, in [-1, 1).
     #[inline(always)]
-    fn cell(&self, i: f32, row: u32) -> (f32, f32) {
-        let i = i - self.cells_along * floor_fast((i + 0.5) * (1.0 / self.cells_along));
-        let h = hash(to_bits(i), row);
+    fn cell(&self, i: i32, row: u32) -> (f32, f32) {
+        let h = hash(fold(i, self.cells_along).0 as u32, row);
         let half = |bits: u32| bits as i32 as f32 * (2.0 / 65_536.0) - 1.0;
         (half(h >> 16), half(h & 0xffff))
+    }
+}
+
+/// `i` modulo `n`, and how many times `n` went into it; for quotients of a few hundred. Branch-free.
+#[inline(always)]
+fn fold(i: i32, n: i32) -> (i32, i32) {
+    let turns = to_int(floor_fast(i as f32 * (1.0 / n as f32)));
+    let r = i.wrapping_sub(turns.wrapping_mul(n));
+    // The quotient is rounded: it may be one off.
+    let low = i32::from(r < 0);
+    let high = i32::from(r >= n);
+    (
+        r.wrapping_add((low - high).wrapping_mul(n)),
+        turns - low + high,
+    )
+}
+
+/// A count of cells, which [`Lattice::new`] keeps within range.
+fn whole_cells(n: i64) -> i32 {
+    i32::try_from(n.clamp(-i64::from(ENDLESS), i64::from(ENDLESS))).expect("clamped")
+}
+
+/// Whole numbers of rows over the two periods, near `u` and `v`, with a large common factor: rows that are told apart by their
+/// number modulo that factor. Without one, a slanting row would wind over the whole surface and be every other row as well,
+/// and all would begin their cells at the same places.
+fn closing(u: f32, v: f32) -> (f32, f32) {
+    let (large, small) = if u.abs() > v.abs() { (u, v) } else { (v, u) };
+    let windings = (1..=WINDINGS_MAX)
+        .map(|q| q as f32)
+        .take_while(|q| 4.0 * q <= large.abs());
+    let near = windings
+        .map(|q| (q, (q * small / large).round()))
+        .find(|(q, p)| ((p / q).atan() - (small / large).atan()).abs() < TURN_MAX);
+    let (large, small) = match near {
+        Some((q, p)) => {
+            let factor = (large / q).round();
+            (factor * q, factor * p)
+        }
+        None => (large.round(), small.round()),
+    };
+    if u.abs() > v.abs() {
+        (large, small)
+    } else {
+        (small, large)
     }
 }
 
@@ -166,10 +221,11 @@ fn ease(f: f32) -> f32 {
     f * f * (3.0 - 2.0 * f)
 }
 
-/// A whole f32 as bits that differ for different numbers; -0 and 0 agree.
+/// A whole f32 as an integer, for |x| < 2^22; vectorises everywhere, which a saturating cast does not.
 #[inline(always)]
-fn to_bits(x: f32) -> u32 {
-    (x + 12_582_912.0).to_bits()
+fn to_int(x: f32) -> i32 {
+    const SHIFT: f32 = 12_582_912.0;
+    (x + SHIFT).to_bits().wrapping_sub(SHIFT.to_bits()) as i32
 }
 
 /// 24 random bits to [0, 1).
@@ -222,6 +278,40 @@ mod tests {
             prop_assert!(near(&both, p - Vec2::new(0.0, 1.0)));
             prop_assert!(near(&both, p + Vec2::new(-aspect, 1.0)));
             prop_assert!(near(&u_only, p + Vec2::new(aspect, 0.0)));
+        }
+    }
+
+    #[test]
+    fn the_finest_cells_close_too() {
+        // So many cells that f32 positions cannot tell their corners: the cells' own numbers are compared.
+        let l = Lattice::new(
+            Vec2::from_angle(0.576),
+            7.5e-4,
+            7.5e-5,
+            Vec2::ONE,
+            0.0,
+            Wrap::Repeat,
+            3,
+        );
+        assert!(
+            l.cells_along > 1 << 12 && l.cells_across > 30,
+            "{} {}",
+            l.cells_along,
+            l.cells_across
+        );
+        let periods = [Vec2::X, Vec2::Y, Vec2::ONE];
+        for (n, period) in periods.iter().cycle().take(300).enumerate() {
+            let (i, j) = (7 * n as i32 - 900, 1000 - 13 * n as i32);
+            let step = Vec2::new(l.along.dot(*period).round(), l.across.dot(*period).round());
+            let at = |i: i32, j: i32| {
+                let (row, turns) = fold(j, l.cells_across);
+                let row = hash(row as u32, l.seed);
+                (row, l.cell(i.wrapping_sub(turns.wrapping_mul(l.skew)), row))
+            };
+            assert!(
+                at(i, j) == at(i + step.x as i32, j + step.y as i32),
+                "{period} at {i}, {j}"
+            );
         }
     }
 

@@ -221,7 +221,12 @@ fn check_value(value: &toml::Value, parameter: &Parameter) -> Result<()> {
         }
         _ => return Ok(()), // words are checked by their own types
     };
-    if parameter.range.contains(&number) {
+    // Parameters are f32: what they are held against is rounded the same way.
+    let (least, most) = (
+        *parameter.range.start() as f32,
+        *parameter.range.end() as f32,
+    );
+    if (least..=most).contains(&(number as f32)) {
         return Ok(());
     }
     let (low, high) = (parameter.range.start(), parameter.range.end());
@@ -259,6 +264,51 @@ mod tests {
                     p.key
                 );
                 assert!(!p.doc.is_empty());
+            }
+        }
+    }
+
+    #[test]
+    fn both_ends_of_every_range_are_allowed_and_what_lies_beyond_is_not() {
+        for pattern in all() {
+            for p in pattern.parameters() {
+                let with = |number: f64| {
+                    let toml::Value::Table(mut outer) = toml::Value::try_from(&pattern).unwrap()
+                    else {
+                        panic!()
+                    };
+                    let mut place = outer.get_mut(pattern.name()).unwrap();
+                    for key in p.key.split('.') {
+                        place = place.get_mut(key).unwrap();
+                    }
+                    *place = match place {
+                        toml::Value::Integer(_) => toml::Value::Integer(number as i64),
+                        toml::Value::Array(_) => {
+                            toml::Value::Array(vec![number.into(), number.into()])
+                        }
+                        _ => toml::Value::Float(number),
+                    };
+                    toml::Value::Table(outer)
+                        .try_into::<Pattern>()
+                        .map(|p| p.validate().is_ok())
+                };
+                let (low, high) = (*p.range.start(), *p.range.end());
+                assert_eq!(with(low), Ok(true), "{} {} = {low}", pattern.name(), p.key);
+                assert_eq!(
+                    with(high),
+                    Ok(true),
+                    "{} {} = {high}",
+                    pattern.name(),
+                    p.key
+                );
+                assert_ne!(
+                    with(high * 1.01 + 1.0),
+                    Ok(true),
+                    "{} {}",
+                    pattern.name(),
+                    p.key
+                );
+                assert_ne!(with(low - 1.0), Ok(true), "{} {}", pattern.name(), p.key);
             }
         }
     }

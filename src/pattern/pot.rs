@@ -322,7 +322,7 @@ impl Wall {
             extent: surface.extent(),
             twist: 0.0,
             wrap: Wrap::RepeatU, // once around, whatever the map's edges do
-            texel: (surface.texel() * direction.perp()).length(),
+            texel: [direction.perp(), direction].map(|way| (surface.texel() * way).length()),
         };
         let seed = seed32(surface.seed, 1000 + purpose);
         Self {
@@ -371,6 +371,7 @@ impl Wall {
                 chunk.b[i] = y;
                 chunk.anisotropy[i] = 1.0 - 0.8 * worn;
                 chunk.ln_gain[i] = band + 0.25 * worn;
+                chunk.reach[i] = 1.0;
             }
             self.streaks.fill(chunk, n, out, value, at + offset);
         });

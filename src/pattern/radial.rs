@@ -138,13 +138,15 @@ impl Radial {
                 0.0
             },
             wrap: Wrap::RepeatU,
-            texel,
+            // A turn is worth its circumference at radius 0.5.
+            texel: [texel, texel / (0.5 * TAU)],
         };
         if self.style == RadialStyle::Spokes {
             plane.direction = Vec2::Y;
             plane.length = self.spoke_length;
             plane.width = self.ring_spacing / (0.5 * TAU);
-            plane.texel = texel / (0.5 * TAU);
+            // Toward the centre spokes crowd: points enough for a third of that radius, set closer outside it.
+            plane.texel = [texel / (SPOKES_RADIUS * TAU), texel];
         }
         // Under a texel there is no direction to tell.
         let cap = self.cap_radius.max(1.5 * texel);
@@ -163,6 +165,9 @@ impl Radial {
         }
     }
 }
+
+/// The radius that spokes are met finely enough at.
+const SPOKES_RADIUS: f32 = 0.17;
 
 /// A prepared [`Radial`].
 pub(super) struct Rings {
@@ -218,6 +223,13 @@ fn to_polar<S: Simd>(_: S, rings: &Rings, chunk: &mut Chunk, n: usize) {
         -1.0
     };
     let turns_per_unit = 1.0 / rings.pitch;
+    // The mean square of e^gain over a ridge, a gain that is even from -ridge to ridge: taken off, so that widths stay what
+    // they are said to be, seen or not.
+    let level = 0.5
+        * ((2.0 * ridge).sinh() / (2.0 * ridge).max(1e-6))
+            .max(1.0)
+            .ln();
+    let spokes = rings.style == RadialStyle::Spokes;
     for i in 0..n.min(CHUNK) {
         let (x, y) = (chunk.a[i], chunk.b[i]);
         // The very centre has to lie somewhere: a little to the right of itself.
@@ -240,7 +252,12 @@ fn to_polar<S: Simd>(_: S, rings: &Rings, chunk: &mut Chunk, n: usize) {
         chunk.cos2[i] = c * lc - s * ls;
         chunk.sin2[i] = s * lc + c * ls;
         chunk.anisotropy[i] = smoothstep(rings.cap, rings.cap + rings.fade, r);
-        chunk.ln_gain[i] = ridge * (4.0 * triangle(r * turns_per_unit - turns) - 1.0);
+        chunk.ln_gain[i] = ridge * (4.0 * triangle(r * turns_per_unit - turns) - 1.0) - level;
+        chunk.reach[i] = if spokes {
+            (SPOKES_RADIUS / r).min(20.0)
+        } else {
+            1.0
+        };
     }
 }
 
