@@ -5,4 +5,4 @@ mod mask;
 mod stroke;
 
 pub use mask::{DrawnMask, Outline};
-pub use stroke::{Grid, Stroke};
+pub use stroke::{Grid, Part, Stroke};

@@ -39,11 +39,20 @@ impl Grid {
     }
 }
 
-/// A stroke of constant width with round ends.
+/// A stroke of constant width with round ends: at most 65 points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stroke {
     points: Vec<Vec2>,
     width: f32,
+}
+
+/// A part of a stroke, and how far it is moved: what a stroke does in one place of a surface that repeats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// Its first and last segment.
+    pub segments: (u8, u8),
+    /// Added to every point, surface units.
+    pub offset: Vec2,
 }
 
 /// Points that a curve is cut into at most.
@@ -106,47 +115,63 @@ impl Stroke {
         Self::new(&path.finish()?, width, tolerance)
     }
 
-    /// The stroke moved.
-    #[must_use]
-    pub fn translated(&self, by: Vec2) -> Self {
-        Self {
-            points: self.points.iter().map(|p| *p + by).collect(),
-            width: self.width,
+    /// The whole stroke where it is.
+    pub fn whole(&self) -> Part {
+        Part {
+            segments: (0, (self.points.len() - 2) as u8),
+            offset: Vec2::ZERO,
         }
     }
 
-    /// The box around it, lower left and upper right, surface units, with half a texel to spare.
-    pub fn bounds(&self, grid: &Grid) -> (Vec2, Vec2) {
-        let reach = Vec2::splat(0.5 * self.width) + grid.texel();
-        let low = self.points.iter().fold(Vec2::INFINITY, |m, p| m.min(*p));
-        let high = self
-            .points
-            .iter()
-            .fold(Vec2::NEG_INFINITY, |m, p| m.max(*p));
-        (low - reach, high + reach)
+    /// Its length, surface units.
+    pub fn length(&self) -> f32 {
+        self.points.windows(2).map(|p| p[0].distance(p[1])).sum()
     }
 
-    /// Calls `paint(place, coverage, direction)` for every texel of `rect` that the stroke covers: `place` in the rectangle's
-    /// row order, coverage in (0, 1], the stroke's unit direction there. A texel is visited once, with the largest coverage of
+    /// Its width, surface units.
+    pub fn width(&self) -> f32 {
+        self.width
+    }
+
+    /// Calls `visit(segment, low, high)` with boxes in surface units that together hold all that the stroke covers: each of a
+    /// piece no longer than `longest`, with a texel to spare.
+    pub fn boxes(&self, grid: &Grid, longest: f32, mut visit: impl FnMut(u8, Vec2, Vec2)) {
+        let reach = Vec2::splat(0.5 * self.width) + grid.texel();
+        for (n, ends) in self.points.windows(2).enumerate() {
+            let pieces = (ends[0].distance(ends[1]) / longest).ceil().max(1.0) as u32;
+            for k in 0..pieces {
+                let at = |k: u32| ends[0].lerp(ends[1], k as f32 / pieces as f32);
+                let (a, b) = (at(k), at(k + 1));
+                visit(n as u8, a.min(b) - reach, a.max(b) + reach);
+            }
+        }
+    }
+
+    /// Calls `paint(place, coverage, direction)` for every texel of `rect` that a part of the stroke covers: `place` in the
+    /// rectangle's row order, coverage in (0, 1], the stroke's unit direction there. A texel is visited once, with the largest coverage of
     /// any segment: a stroke that crosses itself is no denser there. `row` is scratch space, kept between calls.
     pub fn cover(
         &self,
+        part: Part,
         grid: &Grid,
         rect: Rect,
         row: &mut Vec<(f32, Vec2)>,
         mut paint: impl FnMut(usize, f32, Vec2),
     ) {
-        let (low, high) = self.bounds(grid);
+        let (first, last) = (usize::from(part.segments.0), usize::from(part.segments.1));
+        let points = &self.points[first..=last + 1];
+        let reach = Vec2::splat(0.5 * self.width) + grid.texel();
+        let low = points.iter().fold(Vec2::INFINITY, |m, p| m.min(*p)) + part.offset - reach;
+        let high = points.iter().fold(Vec2::NEG_INFINITY, |m, p| m.max(*p)) + part.offset + reach;
         let Some(touched) = grid.cover(low, high).and_then(|r| r.intersection(rect)) else {
             return;
         };
         let texel = grid.texel();
         row.clear();
         row.resize(touched.width as usize, (0.0, Vec2::ZERO));
-        let segments: Vec<Segment> = self
-            .points
+        let segments: Vec<Segment> = points
             .windows(2)
-            .map(|p| Segment::new(p[0], p[1], self.width, texel))
+            .map(|p| Segment::new(p[0] + part.offset, p[1] + part.offset, self.width, texel))
             .collect();
         for y in touched.y..touched.y + touched.height {
             let py = grid.extent.y - (y as f32 + 0.5) * texel.y;
@@ -275,7 +300,9 @@ mod tests {
 
     fn ours(stroke: &Stroke, grid: &Grid, rect: Rect) -> Vec<f32> {
         let mut out = vec![0.0; rect.texels()];
-        stroke.cover(grid, rect, &mut Vec::new(), |i, c, _| out[i] = c);
+        stroke.cover(stroke.whole(), grid, rect, &mut Vec::new(), |i, c, _| {
+            out[i] = c
+        });
         out
     }
 
@@ -366,14 +393,20 @@ mod tests {
             }
         }
         let (mut first, mut last) = (Vec2::ZERO, Vec2::ZERO);
-        stroke.cover(&grid, grid.size.rect(), &mut Vec::new(), |i, c, d| {
-            if c == 1.0 && i / 200 > 175 && i % 200 < 24 {
-                first = d;
-            }
-            if c == 1.0 && i / 200 < 24 {
-                last = d;
-            }
-        });
+        stroke.cover(
+            stroke.whole(),
+            &grid,
+            grid.size.rect(),
+            &mut Vec::new(),
+            |i, c, d| {
+                if c == 1.0 && i / 200 > 175 && i % 200 < 24 {
+                    first = d;
+                }
+                if c == 1.0 && i / 200 < 24 {
+                    last = d;
+                }
+            },
+        );
         assert!(
             first.dot(Vec2::X) > 0.98 && last.dot(Vec2::Y) > 0.98,
             "{first} {last}"

@@ -185,7 +185,7 @@ impl Pattern {
     /// Does once what needs the whole.
     ///
     /// # Errors
-    /// When a parameter is out of range.
+    /// When a parameter is out of range, or scratches would cover too many texels.
     pub fn prepare(&self, surface: &Surface) -> Result<Box<dyn Fill>> {
         self.validate()?;
         Ok(match self {
@@ -193,7 +193,7 @@ impl Pattern {
             Self::Brushed(p) => Box::new(p.prepare(surface)),
             Self::Radial(p) => Box::new(p.prepare(surface)),
             Self::Pot(p) => Box::new(p.prepare(surface)),
-            Self::Scratches(p) => Box::new(p.prepare(surface)),
+            Self::Scratches(p) => Box::new(p.prepare(surface)?),
             Self::Weave(p) => Box::new(p.prepare(surface)),
         })
     }

@@ -2,10 +2,12 @@
 
 use super::lattice::{hash, seed32, unit};
 use super::{Fill, Parameter, Patch, Surface};
-use crate::coverage::{Grid, Stroke};
+use crate::coverage::{Grid, Part, Stroke};
+use crate::error::{Error, Result};
 use crate::map::{ALPHA_MAX, ALPHA_MIN, DEFAULT_TEXEL, Rect, SlopeCovariance, Texel};
 use crate::math::{Axis, exp, ln};
 use glam::Vec2;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::TAU;
 
@@ -63,6 +65,8 @@ impl Default for Scratches {
 
 /// Side of the tiles that strokes are sorted into, texels.
 const TILE: u32 = 64;
+/// The most texels that all scratches may touch together: a minute or two of work.
+const WORK_MAX: f64 = 2e10;
 
 impl Scratches {
     pub(super) const PARAMETERS: &[Parameter] = &[
@@ -109,36 +113,64 @@ impl Scratches {
         ),
     ];
 
-    pub(super) fn prepare(&self, surface: &Surface) -> Marks {
+    /// Refuses what would take hours: the texels that all scratches touch together.
+    fn check_work(&self, surface: &Surface) -> Result<()> {
+        let texel = surface.texel();
+        let (longest, shortest) = (texel.max_element(), texel.min_element());
+        // A lognormal's mean is e^(s²/2) times its median.
+        let mean =
+            |median: f32, spread: f32| f64::from(median) * f64::from(0.5 * spread * spread).exp();
+        let long = mean(self.length, self.length_spread) / f64::from(shortest) + 2.0;
+        let wide = mean(self.width, self.width_spread) / f64::from(longest) + 3.0;
+        let touched = f64::from(self.count) * long * wide;
+        if touched <= WORK_MAX {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            "count",
+            format!(
+                "{}, which at this length, width and size covers about {touched:.1e} texels",
+                self.count
+            ),
+            format!("allowed: up to {WORK_MAX:.0e} covered texels"),
+        )
+        .with_hint("Lower count, length or width, or fill a smaller map"))
+    }
+
+    pub(super) fn prepare(&self, surface: &Surface) -> Result<Marks> {
+        self.check_work(surface)?;
         let grid = Grid {
             size: surface.size,
             extent: surface.extent(),
         };
         let tolerance = 0.125 * grid.texel().min_element().max(1e-5);
-        let columns = surface.size.width().div_ceil(TILE);
-        let rows = surface.size.height().div_ceil(TILE);
+        let seed = seed32(surface.seed, 3);
+        // Each scratch has its own random numbers, so they may be made side by side and stay in order.
+        let marks: Vec<Mark> = (0..self.count)
+            .into_par_iter()
+            .filter_map(|n| self.mark(surface.extent(), &mut Random::new(seed, n), tolerance))
+            .collect();
         let mut marks = Marks {
             grid,
-            columns,
-            tiles: vec![Vec::new(); (columns * rows) as usize],
-            marks: Vec::new(),
+            columns: surface.size.width().div_ceil(TILE),
+            tiles: Vec::new(),
+            marks,
         };
-        for n in 0..self.count {
-            let mut random = Random::new(seed32(surface.seed, 3), n);
-            let Some(stroke) = self.stroke(surface.extent(), &mut random, tolerance) else {
-                continue;
-            };
-            let gain = self.spread * random.normal();
-            let clamp = |alpha: f32| (alpha * exp(gain)).clamp(ALPHA_MIN, ALPHA_MAX);
-            let mark = Mark {
-                stroke,
-                alpha_along: clamp(self.alpha_along),
-                alpha_across: clamp(self.alpha_across),
-                depth: self.depth * (1.0 - self.depth_spread * random.unit()),
-            };
-            marks.add(mark, surface);
-        }
-        marks
+        marks.sort_into_tiles(surface);
+        Ok(marks)
+    }
+
+    /// One scratch and its finish.
+    fn mark(&self, extent: Vec2, random: &mut Random, tolerance: f32) -> Option<Mark> {
+        let stroke = self.stroke(extent, random, tolerance)?;
+        let gain = self.spread * random.normal();
+        let clamp = |alpha: f32| (alpha * exp(gain)).clamp(ALPHA_MIN, ALPHA_MAX);
+        Some(Mark {
+            stroke,
+            alpha_along: clamp(self.alpha_along),
+            alpha_across: clamp(self.alpha_across),
+            depth: self.depth * (1.0 - self.depth_spread * random.unit()),
+        })
     }
 
     /// One scratch, in surface units.
@@ -162,11 +194,11 @@ impl Scratches {
     }
 }
 
-/// A prepared [`Scratches`]: strokes in order, and for each tile the strokes that may touch it.
+/// A prepared [`Scratches`]: strokes in order, and for each tile the parts of strokes that may touch it.
 pub(super) struct Marks {
     grid: Grid,
     columns: u32,
-    tiles: Vec<Vec<u32>>,
+    tiles: Vec<Vec<Entry>>,
     marks: Vec<Mark>,
 }
 
@@ -177,42 +209,71 @@ struct Mark {
     depth: f32,
 }
 
+/// What one stroke, moved by whole periods, does in one tile.
+#[derive(Clone, Copy)]
+struct Entry {
+    mark: u32,
+    segments: (u8, u8),
+    periods: (i8, i8),
+}
+
 impl Marks {
-    /// Adds a mark, and its copies over the edges where the surface repeats.
-    fn add(&mut self, mark: Mark, surface: &Surface) {
+    /// Sorts the strokes into tiles, with their copies over the edges where the surface repeats.
+    fn sort_into_tiles(&mut self, surface: &Surface) {
+        let rows = surface.size.height().div_ceil(TILE);
+        self.tiles = vec![Vec::new(); (self.columns * rows) as usize];
         let extent = surface.extent();
-        let (low, high) = mark.stroke.bounds(&self.grid);
-        let shifts = |low: f32, high: f32, period: f32, repeats: bool| {
-            // A copy is needed for every period that the stroke reaches into.
-            let reach = |x: f32| {
+        let longest = 0.5 * TILE as f32 * self.grid.texel().min_element();
+        // The periods that the box from `low` to `high` reaches into.
+        let reached = |low: f32, high: f32, period: f32, repeats: bool| {
+            let number = |x: f32| {
                 if repeats {
-                    (x / period).floor().clamp(-20.0, 20.0) as i32
+                    (x / period).floor().clamp(-100.0, 100.0) as i8
                 } else {
                     0
                 }
             };
-            -reach(high)..=-reach(low)
+            number(low)..=number(high)
         };
-        for j in shifts(low.y, high.y, extent.y, surface.wrap.repeats_v()) {
-            for i in shifts(low.x, high.x, extent.x, surface.wrap.repeats_u()) {
-                let by = Vec2::new(i as f32, j as f32) * extent;
-                let Some(touched) = self.grid.cover(low + by, high + by) else {
-                    continue;
-                };
-                let index = self.marks.len() as u32;
-                for row in touched.y / TILE..=(touched.y + touched.height - 1) / TILE {
-                    for column in touched.x / TILE..=(touched.x + touched.width - 1) / TILE {
-                        self.tiles[(row * self.columns + column) as usize].push(index);
+        for (n, mark) in self.marks.iter().enumerate() {
+            mark.stroke
+                .boxes(&self.grid, longest, |segment, low, high| {
+                    for j in reached(low.y, high.y, extent.y, surface.wrap.repeats_v()) {
+                        for i in reached(low.x, high.x, extent.x, surface.wrap.repeats_u()) {
+                            let offset = Vec2::new(f32::from(-i), f32::from(-j)) * extent;
+                            let Some(touched) = self.grid.cover(low + offset, high + offset) else {
+                                continue;
+                            };
+                            for row in touched.y / TILE..=(touched.y + touched.height - 1) / TILE {
+                                for column in
+                                    touched.x / TILE..=(touched.x + touched.width - 1) / TILE
+                                {
+                                    let tile =
+                                        &mut self.tiles[(row * self.columns + column) as usize];
+                                    enter(tile, n as u32, segment, (-i, -j));
+                                }
+                            }
+                        }
                     }
-                }
-                let stroke = if by == Vec2::ZERO {
-                    mark.stroke.clone()
-                } else {
-                    mark.stroke.translated(by)
-                };
-                self.marks.push(Mark { stroke, ..mark });
-            }
+                });
         }
+    }
+}
+
+/// Adds a segment to a tile. Strokes come in order, and so do their segments: only the last few entries can be the same copy.
+fn enter(tile: &mut Vec<Entry>, mark: u32, segment: u8, periods: (i8, i8)) {
+    let same = tile
+        .iter_mut()
+        .rev()
+        .take_while(|e| e.mark == mark)
+        .find(|e| e.periods == periods);
+    match same {
+        Some(entry) => entry.segments.1 = segment,
+        None => tile.push(Entry {
+            mark,
+            segments: (segment, segment),
+            periods,
+        }),
     }
 }
 
@@ -235,10 +296,19 @@ impl Fill for Marks {
                 let Some(part) = tile.intersection(rect) else {
                     continue;
                 };
-                for &n in &self.tiles[(j * self.columns + i) as usize] {
-                    let mark = &self.marks[n as usize];
-                    mark.stroke
-                        .cover(&self.grid, part, &mut row, |place, coverage, direction| {
+                for entry in &self.tiles[(j * self.columns + i) as usize] {
+                    let mark = &self.marks[entry.mark as usize];
+                    let shift = Vec2::new(f32::from(entry.periods.0), f32::from(entry.periods.1));
+                    let copy = Part {
+                        segments: entry.segments,
+                        offset: shift * self.grid.extent,
+                    };
+                    mark.stroke.cover(
+                        copy,
+                        &self.grid,
+                        part,
+                        &mut row,
+                        |place, coverage, direction| {
                             // From the part's row order to the patch's.
                             let (x, y) = (place as u32 % part.width, place as u32 / part.width);
                             let at = rect.index(part.x + x, part.y + y);
@@ -250,7 +320,8 @@ impl Fill for Marks {
                             };
                             sum[at] = sum[at] * (1.0 - c) + SlopeCovariance::from(texel) * c;
                             patch.coverage[at] += c * (1.0 - patch.coverage[at]);
-                        });
+                        },
+                    );
                 }
             }
         }
@@ -335,6 +406,41 @@ mod tests {
             4096,
         );
         assert!(area(&coverage) > 1e-3 && area(&more) > 4.0 * area(&coverage));
+    }
+
+    #[test]
+    fn more_than_can_be_drawn_is_refused_in_words() {
+        let endless = Scratches {
+            count: 1_000_000,
+            length: 10.0,
+            width: 1.0,
+            ..Default::default()
+        };
+        let error = Pattern::Scratches(endless)
+            .prepare(&surface(1024))
+            .err()
+            .expect("too much");
+        assert!(error.to_string().contains("Lower count"), "{error}");
+    }
+
+    #[test]
+    fn scratches_go_on_over_the_edges() {
+        let long = Scratches {
+            count: 3,
+            length: 3.0,
+            length_spread: 0.0,
+            width: 0.02,
+            curvature: 60.0,
+            angle: 20.0,
+            ..Default::default()
+        };
+        let (_, coverage, _) = filled(&Pattern::Scratches(long), &surface(128), 4096);
+        let at = |x: usize, y: usize| coverage[y * 128 + x];
+        let covered = (0..128).filter(|y| at(0, *y) > 0.3).count();
+        let met = (0..128)
+            .filter(|y| at(0, *y) > 0.3 && (0..3).any(|d| at(127, (y + 127 + d) % 128) > 0.1))
+            .count();
+        assert!(covered > 3 && met == covered, "{met} of {covered} go on");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::lattice::{hash, seed32, unit};
 use super::{Fill, Parameter, Patch, Surface};
 use crate::map::{ALPHA_MAX, ALPHA_MIN, SlopeCovariance, Texel};
-use crate::math::{Axis, exp, floor_fast};
+use crate::math::{Axis, exp};
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
@@ -167,9 +167,6 @@ impl Weave {
             count(self.warp_threads, extent.x, surface.wrap.repeats_u()),
             count(self.weft_threads, extent.y, surface.wrap.repeats_v()),
         );
-        let texels = Vec2::new(surface.size.width() as f32, surface.size.height() as f32);
-        let points =
-            |threads: f32, texels: f32| ((3.0 * threads / texels).ceil().clamp(2.0, 16.0)) as u32;
         Cloth {
             weave: self.clone(),
             surface: *surface,
@@ -188,7 +185,6 @@ impl Weave {
                 numbers(threads.y),
                 seed32(surface.seed, 5),
             ),
-            points: (points(threads.x, texels.x), points(threads.y, texels.y)),
         }
     }
 
@@ -236,52 +232,94 @@ pub(super) struct Cloth {
     /// One texel a thread.
     warp: Vec<Texel>,
     weft: Vec<Texel>,
-    /// Points taken per texel, across and up.
-    points: (u32, u32),
 }
 
+/// How much of one thread a texel's width (or height) meets, as shares of it.
+#[derive(Clone, Copy)]
+struct Meeting {
+    thread: usize,
+    /// Of the thread itself.
+    body: f32,
+    /// Of the gap beside it.
+    gap: f32,
+}
+
+/// More threads than that in a texel are told by as many, evenly chosen.
+const MEETINGS_MAX: i32 = 24;
+
 impl Cloth {
-    /// The texel at a point, and its value.
-    fn at(&self, p: Vec2) -> (Texel, f32) {
-        let t = p * self.per_unit;
-        let cell = Vec2::new(floor_fast(t.x), floor_fast(t.y));
-        // Points of the texels at the edge lie a little outside.
-        let number = |i: f32, n: usize| (i as i32).rem_euclid(n as i32) as usize;
-        let (warp, weft) = (
-            number(cell.x, self.warp.len()),
-            number(cell.y, self.weft.len()),
-        );
-        let warp_on_top = !(warp + self.step * weft).is_multiple_of(self.period);
-        let inside = t - cell;
+    /// The threads between `from` and `to`, counted in threads, of `count` that follow one another.
+    fn meetings(&self, from: f32, to: f32, count: usize, met: &mut Vec<Meeting>) {
+        met.clear();
+        let (first, last) = (from.floor() as i32, to.ceil() as i32);
+        let number = |i: i32| i.rem_euclid(count as i32) as usize;
         let half = 0.5 * self.weave.gap;
-        let in_thread = |x: f32| x >= half && x <= 1.0 - half;
-        // Where the upper thread leaves a gap, the lower one may show.
-        let over = if warp_on_top {
-            in_thread(inside.x)
-        } else {
-            in_thread(inside.y)
-        };
-        let under = if warp_on_top {
-            in_thread(inside.y)
-        } else {
-            in_thread(inside.x)
-        };
-        if !over && !under {
-            let alpha = self.weave.gap_alpha;
-            return (
-                Texel {
-                    alpha_x: alpha,
-                    alpha_y: alpha,
-                    axis: Axis::U,
-                },
-                0.5,
-            );
+        if last - first > MEETINGS_MAX {
+            let share = 1.0 / MEETINGS_MAX as f32;
+            met.extend((0..MEETINGS_MAX).map(|k| Meeting {
+                thread: number(first + (k as f32 * share * (last - first) as f32) as i32),
+                body: share * (1.0 - self.weave.gap),
+                gap: share * self.weave.gap,
+            }));
+            return;
         }
-        if warp_on_top == over {
-            (self.warp[warp], 1.0)
-        } else {
-            (self.weft[weft], 0.0)
+        for i in first..last {
+            let (low, high) = ((from - i as f32).max(0.0), (to - i as f32).min(1.0));
+            let body = (high.min(1.0 - half) - low.max(half)).max(0.0);
+            let all = (high - low).max(0.0);
+            let share = 1.0 / (to - from);
+            met.push(Meeting {
+                thread: number(i),
+                body: body * share,
+                gap: (all - body) * share,
+            });
         }
+    }
+
+    /// The mean lobe and value of a texel that meets these threads.
+    fn mean(&self, columns: &[Meeting], rows: &[Meeting]) -> (Texel, f32) {
+        let mut sum = SlopeCovariance::default();
+        let mut value = 0.0;
+        let mut only: Option<Texel> = None;
+        let mut mixed = false;
+        let mut add = |texel: Texel, v: f32, area: f32| {
+            if area > 1e-6 {
+                mixed |= *only.get_or_insert(texel) != texel;
+                sum += SlopeCovariance::from(texel) * area;
+                value += v * area;
+            }
+        };
+        let alpha = self.weave.gap_alpha;
+        let gap = Texel {
+            alpha_x: alpha,
+            alpha_y: alpha,
+            axis: Axis::U,
+        };
+        for column in columns {
+            for row in rows {
+                let (warp, weft) = (self.warp[column.thread], self.weft[row.thread]);
+                let (both, warp_only) = (column.body * row.body, column.body * row.gap);
+                let weft_only = column.gap * row.body;
+                // Where both threads are, the upper one is seen; beside it the lower one.
+                let warp_on_top =
+                    !(column.thread + self.step * row.thread).is_multiple_of(self.period);
+                let (warp_area, weft_area) = if warp_on_top {
+                    (both + warp_only, weft_only)
+                } else {
+                    (warp_only, both + weft_only)
+                };
+                add(warp, 1.0, warp_area);
+                add(weft, 0.0, weft_area);
+                add(gap, 0.5, column.gap * row.gap);
+            }
+        }
+        let first = only.unwrap_or(gap);
+        let texel = if mixed {
+            sum.to_texel(first.alpha_x > first.alpha_y, first.axis)
+        } else {
+            first
+        };
+        (texel, value.clamp(0.0, 1.0))
     }
 }
 
@@ -289,33 +327,25 @@ impl Fill for Cloth {
     fn fill(&self, patch: &mut Patch<'_>) {
         patch.coverage.fill(1.0);
         let rect = patch.region.rect;
-        let texel = self.surface.texel();
-        let (across, up) = self.points;
-        let share = 1.0 / (across * up) as f32;
+        let half = 0.5 * self.surface.texel();
+        let across = |x: u32| {
+            let centre = self.surface.position(rect.x + x, rect.y).x;
+            let ends = [centre - half.x, centre + half.x].map(|p| p * self.per_unit.x);
+            let mut met = Vec::new();
+            self.meetings(ends[0], ends[1], self.warp.len(), &mut met);
+            met
+        };
+        let columns: Vec<Vec<Meeting>> = (0..rect.width).map(across).collect();
+        let mut rows = Vec::new();
         for y in 0..rect.height {
-            for x in 0..rect.width {
-                let centre = self.surface.position(rect.x + x, rect.y + y);
-                let mut sum = SlopeCovariance::default();
-                let (mut value, mut first, mut same) = (0.0, None, true);
-                for n in 0..across * up {
-                    let at = Vec2::new((n % across) as f32 + 0.5, (n / across) as f32 + 0.5);
-                    let offset = (at / Vec2::new(across as f32, up as f32) - 0.5) * texel;
-                    let (t, v) = self.at(centre + offset);
-                    same &= *first.get_or_insert(t) == t;
-                    sum += SlopeCovariance::from(t) * share;
-                    value += v * share;
-                }
-                let i = (y * rect.width + x) as usize;
-                let only = first.expect("at least one point per texel");
-                patch.value[i] = value.min(1.0);
-                patch.region.set(
-                    i,
-                    if same {
-                        only
-                    } else {
-                        sum.to_texel(only.alpha_x > only.alpha_y, only.axis)
-                    },
-                );
+            let centre = self.surface.position(rect.x, rect.y + y).y;
+            let ends = [centre - half.y, centre + half.y].map(|p| p * self.per_unit.y);
+            self.meetings(ends[0], ends[1], self.weft.len(), &mut rows);
+            for (x, column) in columns.iter().enumerate() {
+                let (texel, value) = self.mean(column, &rows);
+                let i = y as usize * rect.width as usize + x;
+                patch.value[i] = value;
+                patch.region.set(i, texel);
             }
         }
     }
