@@ -98,7 +98,7 @@ fn largest_piece(inside: &[bool], width: usize) -> (usize, usize, usize, usize) 
 
 #[test]
 fn the_pots_highlight_runs_its_full_height() {
-    let mesh = mesh::pot();
+    let mesh = pot();
     let size = size(960, 720);
     let picture = draw(&recipe("pot"), &mesh, "ward", size).remove(0);
     // The pixels that show the wall.

@@ -224,12 +224,10 @@ struct Segment {
     to: Vec2,
     direction: Vec2,
     length: f32,
-    /// Half width, never under half a texel.
+    /// Half the width.
     radius: f32,
     /// What a texel measures across the piece.
     texel: f32,
-    /// Ink of a piece thinner than a texel: its share of the texel.
-    density: f32,
 }
 
 impl Segment {
@@ -244,9 +242,8 @@ impl Segment {
             to,
             direction,
             length,
-            radius: 0.5 * width.max(across),
+            radius: 0.5 * width,
             texel: across,
-            density: (width / across).min(1.0),
         }
     }
 
@@ -270,12 +267,14 @@ impl Segment {
         Some((left - reach - slack, right + reach + slack))
     }
 
-    /// Coverage of the texel centred at `p`: a box as wide as the texel slid over the edge.
+    /// Coverage of the texel centred at `p`: the part of its breadth that lies in the piece's, seen along the piece. Exact for
+    /// pieces that run with the grid, whether they are broader than a texel or thinner.
     fn coverage(&self, p: Vec2) -> f32 {
         let q = p - self.from;
         let along = q.dot(self.direction).clamp(0.0, self.length);
         let distance = (q - self.direction * along).length();
-        ((self.radius - distance) / self.texel + 0.5).clamp(0.0, 1.0) * self.density
+        let common = self.radius + 0.5 * self.texel - distance;
+        (common.min(2.0 * self.radius) / self.texel).clamp(0.0, 1.0)
     }
 }
 
@@ -301,7 +300,7 @@ mod tests {
     fn ours(stroke: &Stroke, grid: &Grid, rect: Rect) -> Vec<f32> {
         let mut out = vec![0.0; rect.texels()];
         stroke.cover(stroke.whole(), grid, rect, &mut Vec::new(), |i, c, _| {
-            out[i] = c
+            out[i] = c;
         });
         out
     }
