@@ -75,30 +75,34 @@ fn master_bytes() -> Vec<u8> {
     fs::read(path).expect("read")
 }
 
+/// Where the content of a header's attribute starts.
+fn attribute(file: &[u8], name_and_kind: &str) -> usize {
+    let found = file
+        .windows(name_and_kind.len())
+        .position(|w| w == name_and_kind.as_bytes());
+    found.expect("it has the attribute") + name_and_kind.len() + 4
+}
+
+/// A master whose header claims `side` texels a side, in so many blocks.
+fn claiming(mut master: Vec<u8>, side: i32, blocks: i32) -> Vec<u8> {
+    // The windows are four whole numbers: the first and the last column and row.
+    for window in ["dataWindow\0box2i\0", "displayWindow\0box2i\0"] {
+        let corner = attribute(&master, window) + 8;
+        for n in [corner, corner + 4] {
+            master[n..n + 4].copy_from_slice(&(side - 1).to_le_bytes());
+        }
+    }
+    let at = attribute(&master, "chunkCount\0int\0");
+    master[at..at + 4].copy_from_slice(&blocks.to_le_bytes());
+    master
+}
+
 #[test]
 #[ignore = "writes tests/broken/*.exr; run after changing the file format"]
 fn write_broken_files() {
     let master = master_bytes();
     fs::write(broken("truncated.exr"), &master[..master.len() / 2]).unwrap();
-    let mut huge = master;
-    // The windows are four whole numbers: the first and the last column and row.
-    for window in ["dataWindow\0box2i\0", "displayWindow\0box2i\0"] {
-        let at = huge
-            .windows(window.len())
-            .position(|w| w == window.as_bytes())
-            .unwrap();
-        let corner = at + window.len() + 4 + 8;
-        for n in [corner, corner + 4] {
-            huge[n..n + 4].copy_from_slice(&999_999i32.to_le_bytes());
-        }
-    }
-    let count = "chunkCount\0int\0";
-    let at = huge
-        .windows(count.len())
-        .position(|w| w == count.as_bytes())
-        .unwrap();
-    let at = at + count.len() + 4;
-    huge[at..at + 4].copy_from_slice(&62_500i32.to_le_bytes());
+    let huge = claiming(master, 1_000_000, 62_500);
     fs::write(broken("huge_header.exr"), huge).unwrap();
     let names = ["R", "G", "B", "A"];
     foreign(
@@ -143,6 +147,50 @@ fn broken_exr_files_are_refused_in_words() {
         .unwrap_err()
         .to_string();
     assert!(glb.contains("KHR_materials_anisotropy"), "{glb}");
+}
+
+/// What a file of these bytes is refused with.
+fn refusal(bytes: &[u8]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.exr");
+    fs::write(&path, bytes).unwrap();
+    read_master(&path).unwrap_err().to_string()
+}
+
+#[test]
+fn a_master_that_claims_more_than_its_bytes_can_hold_is_refused_before_memory_is_taken() {
+    let mut bomb = claiming(master_bytes(), 16_384, 1024);
+    bomb.extend([0; 8 * 1024]);
+    let e = refusal(&bomb);
+    assert!(e.contains("cannot hold the 16384x16384 texels"), "{e}");
+    // What is not compressed takes all the room that it claims.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("plain.exr");
+    foreign(&path, MASTER, Compression::Uncompressed, Blocks::ScanLines);
+    let good = fs::read(&path).unwrap();
+    let e = refusal(&good[..24 * 40 * 16 - 1]);
+    assert!(e.contains("cannot hold the 24x40 texels"), "{e}");
+}
+
+#[test]
+fn a_block_that_stands_for_several_is_refused() {
+    let master = master_bytes();
+    // 40 lines are three blocks of 16; their places in the file stand before the first, which starts with its line, 0.
+    let words: Vec<u64> = (0..master.len() - 24)
+        .map(|i| u64::from_le_bytes(master[i..i + 8].try_into().unwrap()))
+        .collect();
+    let table = (0..words.len())
+        .find(|i| words[*i] == *i as u64 + 24)
+        .expect("the first block follows its table");
+    let mut repeated = master.clone();
+    repeated.copy_within(table..table + 8, table + 8);
+    let e = refusal(&repeated);
+    assert!(e.contains("a block repeats another"), "{e}");
+    let mut misplaced = master;
+    let second = words[table + 8] as usize;
+    misplaced[second..second + 4].copy_from_slice(&4000i32.to_le_bytes());
+    let e = refusal(&misplaced);
+    assert!(e.contains("has no place"), "{e}");
 }
 
 #[test]

@@ -1,15 +1,16 @@
 //! OpenEXR files back to maps.
 //!
 //! The header is read and judged first. The `exr` crate allocates what a header asks for, and its DWA decoder trusts sizes
-//! inside the file up to aborting the process, so absurd headers and DWA are refused before it decodes anything. B44 is
-//! refused because it is lossy where it hurts: 0.5 % of a width and 0.8 degrees of direction.
+//! inside the file up to aborting the process, so absurd headers and DWA are refused before it decodes anything. It reads
+//! whatever blocks the offset table points at, so every block is asked for its place before it is decoded. B44 is refused
+//! because it is lossy where it hurts: 0.5 % of a width and 0.8 degrees of direction.
 
 use super::Imported;
 use crate::convention::{Content, MapInfo, MapRecord};
 use crate::error::{Error, Result};
 use crate::map::{AnisoMap, Size, Wrap};
 use exr::block::UncompressedBlock;
-use exr::block::chunk::Chunk;
+use exr::block::chunk::{Chunk, TileCoordinates};
 use exr::block::reader::{ChunksReader, Reader};
 use exr::meta::attribute::{AttributeValue, SampleType};
 use exr::meta::header::Header;
@@ -17,6 +18,7 @@ use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{Compression, Vec2};
 use half::f16;
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::io::{BufReader, Error as IoError};
 use std::path::Path;
 
@@ -104,13 +106,14 @@ fn read_channels<const N: usize>(path: &Path, names: [&str; N]) -> Result<([Vec<
     let reader = Reader::read_from_buffered(BufReader::new(file), false).map_err(bad)?;
     let (layer, part) = judge(path, reader.meta_data(), length, &names)?;
     let whole = Vec2(0, 0);
+    let mut missing = HashSet::new();
     let mut chunks = reader
         .filter_chunks(false, |_, tile, block| {
-            block.layer == layer && tile.level_index == whole
+            block.layer == layer && tile.level_index == whole && missing.insert(tile)
         })
         .map_err(bad)?;
     let places = Place::of(&chunks.meta_data().headers[layer], &names);
-    let mut planes: [Vec<f32>; N] = std::array::from_fn(|_| vec![0.0; part.size.texels()]);
+    let mut planes = zeros::<N>(path, part.size)?;
     loop {
         let group: Vec<Chunk> = (&mut chunks)
             .take(GROUP)
@@ -120,6 +123,13 @@ fn read_channels<const N: usize>(path: &Path, names: [&str; N]) -> Result<([Vec<
             return Ok((planes, part));
         }
         let meta = chunks.meta_data();
+        // As many blocks are read as there are places, so once each has a place of its own, none is missing.
+        for chunk in &group {
+            let place = place_of(chunk, meta, layer).map_err(bad)?;
+            if !missing.remove(&place) {
+                return Err(damaged(path, "a block repeats another or has no place"));
+            }
+        }
         let blocks: Vec<Block> = group
             .into_par_iter()
             .map(|chunk| Block::decode(chunk, meta, layer, &places))
@@ -131,6 +141,31 @@ fn read_channels<const N: usize>(path: &Path, names: [&str; N]) -> Result<([Vec<
                 .ok_or_else(|| damaged(path, "a block lies outside the picture"))?;
         }
     }
+}
+
+/// A plane of zeros for each channel; an error where the memory for them is not to be had.
+fn zeros<const N: usize>(path: &Path, size: Size) -> Result<[Vec<f32>; N]> {
+    let mut planes = [const { vec![] }; N];
+    for plane in &mut planes {
+        plane.try_reserve_exact(size.texels()).map_err(|_| {
+            let megabytes = (size.texels() * N * size_of::<f32>()) >> 20;
+            Error::file(
+                path,
+                format!("its {size} texels take {megabytes} MiB of memory, which are not free"),
+            )
+            .with_hint("Close other programs, or save the map smaller")
+        })?;
+        plane.resize(size.texels(), 0.0);
+    }
+    Ok(planes)
+}
+
+/// Where a block says that it belongs.
+fn place_of(chunk: &Chunk, meta: &MetaData, layer: usize) -> exr::error::Result<TileCoordinates> {
+    if chunk.layer_index != layer {
+        return Err(exr::error::Error::Invalid("a block of another part".into()));
+    }
+    meta.headers[layer].get_block_data_indices(&chunk.compressed_block)
 }
 
 fn damaged(path: &Path, problem: &str) -> Error {
@@ -189,8 +224,26 @@ fn judge(path: &Path, meta: &MetaData, length: u64, names: &[&str]) -> Result<(u
             &format!("{length} bytes cannot hold the {chunks} blocks of its header"),
         ));
     }
+    if !fits(header, size, length) {
+        return Err(damaged(
+            path,
+            &format!("{length} bytes cannot hold the {size} texels of its header"),
+        ));
+    }
     let record = record_of(header);
     Ok((layer, Part { size, record }))
+}
+
+/// Whether a file of `length` bytes can hold a part, by what its compression makes of one byte at most: Deflate 1032, run
+/// lengths 64, PIZ's Huffman runs 455, PXR24's Deflate 1376 since it leaves out a quarter of each float before.
+fn fits(header: &Header, size: Size, length: u64) -> bool {
+    let ratio = match header.compression {
+        Compression::Uncompressed => 1,
+        Compression::PXR24 => 1500,
+        _ => 1100,
+    };
+    let bytes = (size.texels() * header.channels.bytes_per_pixel) as u64;
+    bytes <= length.saturating_mul(ratio)
 }
 
 fn claimed_size(path: &Path, header: &Header) -> Result<Size> {
@@ -332,9 +385,6 @@ impl Block {
         layer: usize,
         places: &[Place],
     ) -> exr::error::Result<Self> {
-        if chunk.layer_index != layer {
-            return Err(exr::error::Error::Invalid("a block of another part".into()));
-        }
         let bytes_per_pixel = meta.headers[layer].channels.bytes_per_pixel;
         let block = UncompressedBlock::decompress_chunk(chunk, meta, false)?;
         let width = block.index.pixel_size.0;
