@@ -5,6 +5,7 @@
 //! 3 when the machine failed (disk, permissions).
 
 use std::fmt::Display;
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -114,6 +115,28 @@ impl Error {
             Self::Write { .. } => 3,
         }
     }
+}
+
+/// Opens a regular file and tells its length: the one way to the content of any input.
+///
+/// # Errors
+/// [`Error::Read`] when it is not there, is a folder, or is no regular file.
+pub(crate) fn open_regular(path: &Path) -> Result<(File, u64)> {
+    // The kind is asked first: opening a named pipe would wait for a writer.
+    let about = std::fs::metadata(path).map_err(Error::read(path))?;
+    if about.is_file() {
+        let file = File::open(path).map_err(Error::read(path))?;
+        return Ok((file, about.len()));
+    }
+    let (kind, what) = if about.is_dir() {
+        (
+            io::ErrorKind::IsADirectory,
+            "it is a folder; give the name of a file",
+        )
+    } else {
+        (io::ErrorKind::InvalidInput, "it is not a regular file")
+    };
+    Err(Error::read(path)(io::Error::new(kind, what)))
 }
 
 /// The word of `candidates` that is nearest to `word`, if any is near enough to be what was meant.

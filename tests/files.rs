@@ -151,10 +151,10 @@ fn broken_exr_files_are_refused_in_words() {
 
 /// What a file of these bytes is refused with.
 fn refusal(bytes: &[u8]) -> String {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("m.exr");
-    fs::write(&path, bytes).unwrap();
-    read_master(&path).unwrap_err().to_string()
+    fs::write(&path, bytes).expect("written");
+    read_master(&path).expect_err("refused").to_string()
 }
 
 #[test]
@@ -191,6 +191,26 @@ fn a_block_that_stands_for_several_is_refused() {
     misplaced[second..second + 4].copy_from_slice(&4000i32.to_le_bytes());
     let e = refusal(&misplaced);
     assert!(e.contains("has no place"), "{e}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_named_pipe_is_refused_instead_of_waiting_for_a_writer() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, read) in [
+        ("m.exr", (|path| read_master(path).err()) as fn(&Path) -> _),
+        ("m.glb", |path| read_gltf(path).err()),
+        ("m.obj", |path| anisomap::mesh::load(path).err()),
+    ] {
+        let path = folder.path().join(name);
+        let made = std::process::Command::new("mkfifo").arg(&path).status();
+        assert!(made.unwrap().success());
+        let (send, answer) = std::sync::mpsc::channel();
+        std::thread::spawn(move || send.send(read(&path)));
+        let error = answer.recv_timeout(std::time::Duration::from_secs(20));
+        let text = error.expect("it waits").expect("an error").to_string();
+        assert!(text.contains("not a regular file"), "{text}");
+    }
 }
 
 #[test]

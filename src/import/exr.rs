@@ -7,7 +7,7 @@
 
 use super::Imported;
 use crate::convention::{Content, MapInfo, MapRecord};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, open_regular};
 use crate::map::{AnisoMap, Size, Wrap};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, TileCoordinates};
@@ -101,7 +101,7 @@ const TILE_MAX: usize = 8192;
 const GROUP: usize = 32;
 
 fn read_channels<const N: usize>(path: &Path, names: [&str; N]) -> Result<([Vec<f32>; N], Part)> {
-    let (file, length) = super::open(path)?;
+    let (file, length) = open_regular(path)?;
     let bad = |e| unreadable(path, &e);
     let reader = Reader::read_from_buffered(BufReader::new(file), false).map_err(bad)?;
     let (layer, part) = judge(path, reader.meta_data(), length, &names)?;

@@ -7,10 +7,9 @@ pub mod exr;
 pub mod gltf;
 
 use crate::convention::MapInfo;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, open_regular};
 use crate::map::{AnisoMap, Mended};
-use std::fs::File;
-use std::io::{self, Read};
+use std::io::Read;
 use std::path::Path;
 
 /// A map read from a file.
@@ -27,24 +26,9 @@ pub struct Imported {
 /// The largest file that is read into memory whole.
 const BYTES_MAX: u64 = 4 << 30;
 
-/// Opens a file and tells its length.
-fn open(path: &Path) -> Result<(File, u64)> {
-    let file = File::open(path).map_err(Error::read(path))?;
-    let meta = file.metadata().map_err(Error::read(path))?;
-    if !meta.is_file() {
-        let (kind, what) = if meta.is_dir() {
-            (io::ErrorKind::IsADirectory, "it is a folder, not a file")
-        } else {
-            (io::ErrorKind::InvalidInput, "it is not a plain file")
-        };
-        return Err(Error::read(path)(io::Error::new(kind, what)));
-    }
-    Ok((file, meta.len()))
-}
-
 /// The whole of a file.
 fn read_file(path: &Path) -> Result<Vec<u8>> {
-    let (mut file, length) = open(path)?;
+    let (mut file, length) = open_regular(path)?;
     if length > BYTES_MAX {
         return Err(Error::file(
             path,

@@ -24,9 +24,8 @@ pub use pot::pot;
 pub use sphere::sphere;
 pub use torus::torus;
 
-use crate::error::{Error, Result, nearest_word};
+use crate::error::{Error, Result, nearest_word, open_regular};
 use glam::{Vec2, Vec3, Vec4};
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -236,22 +235,10 @@ pub fn load(path: &Path) -> Result<Mesh> {
 
 /// A regular file of at most `limit` bytes.
 fn read_limited(path: &Path, limit: u64) -> Result<Vec<u8>> {
-    // The kind is asked first: opening a named pipe would wait for a writer.
-    let about = std::fs::metadata(path).map_err(Error::read(path))?;
-    if !about.is_file() {
-        let kind = if about.is_dir() {
-            "a folder"
-        } else {
-            "no regular file"
-        };
-        return Err(Error::file(
-            path,
-            format!("is {kind}; a mesh file is expected"),
-        ));
-    }
+    let (file, _) = open_regular(path)?;
     let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(limit + 1).read_to_end(&mut bytes))
+    file.take(limit + 1)
+        .read_to_end(&mut bytes)
         .map_err(Error::read(path))?;
     if bytes.len() as u64 > limit {
         return Err(Error::file(
