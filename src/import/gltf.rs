@@ -292,7 +292,7 @@ impl<'a> Document<'a> {
     fn decode(&self, bytes: &[u8]) -> Result<RgbImage> {
         let broken =
             |e: image::ImageError| self.bad(format!("a picture in it is no usable PNG: {e}"));
-        let mut decoder = PngDecoder::new(Cursor::new(bytes)).map_err(broken)?;
+        let mut decoder = open_png(bytes).map_err(broken)?;
         let (width, height) = decoder.dimensions();
         Size::new(width, height).map_err(|e| self.bad(format!("a picture in it: {e}")))?;
         // Deflate packs at most 1032 to 1: a small file that claims more is not worth the memory.
@@ -329,6 +329,17 @@ impl<'a> Document<'a> {
     }
 }
 
+/// The most memory that a PNG's colour profile and texts may take together.
+const PNG_EXTRAS_MAX: u64 = 16 << 20;
+
+/// Reads a PNG up to its pixels. The limit must stand from the start: the colour profile, which may unpack to a thousand
+/// times its size, comes before them.
+fn open_png(bytes: &[u8]) -> image::ImageResult<PngDecoder<Cursor<&[u8]>>> {
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(PNG_EXTRAS_MAX);
+    PngDecoder::with_limits(Cursor::new(bytes), limits)
+}
+
 /// The JSON and the binary chunk of a GLB; `None` when the lengths in it do not fit.
 fn split(bytes: &[u8]) -> Option<(&[u8], Option<&[u8]>)> {
     let chunk = |from: usize, kind: &[u8]| {
@@ -363,6 +374,7 @@ fn percent_decoded(uri: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Write;
 
     #[test]
     fn chunks_that_do_not_fit_are_no_glb() {
@@ -371,6 +383,38 @@ mod tests {
         bytes.extend([0xff, 0xff, 0xff, 0xff]);
         assert_eq!(split(&bytes), None);
         assert_eq!(split(b"glTF"), None);
+    }
+
+    /// A PNG of one texel with a colour profile of `length` zeros.
+    fn png_with_profile(length: usize) -> Vec<u8> {
+        let mut packed = flate2::write::ZlibEncoder::new(vec![], flate2::Compression::best());
+        packed.write_all(&vec![0; length]).unwrap();
+        let mut chunk = b"iCCPx\0\0".to_vec();
+        chunk.extend(packed.finish().unwrap());
+        let mut crc = flate2::Crc::new();
+        crc.update(&chunk);
+        let mut framed = (chunk.len() as u32 - 4).to_be_bytes().to_vec();
+        framed.extend(chunk);
+        framed.extend(crc.sum().to_be_bytes());
+        let mut png = vec![];
+        let texel = RgbImage::new(1, 1);
+        texel
+            .write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png)
+            .unwrap();
+        // After the signature, 8 bytes, and the header chunk, 25.
+        png.splice(33..33, framed);
+        png
+    }
+
+    #[test]
+    fn a_colour_profile_is_unpacked_only_up_to_the_limit() {
+        let profile = |length| {
+            let png = png_with_profile(length);
+            let unpacked = open_png(&png).unwrap().icc_profile().unwrap();
+            unpacked.map(|profile| profile.len())
+        };
+        assert_eq!(profile(1 << 20), Some(1 << 20));
+        assert_eq!(profile(PNG_EXTRAS_MAX as usize + 1), None);
     }
 
     #[test]
