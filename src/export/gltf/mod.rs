@@ -7,8 +7,8 @@
 //! **Material.** glTF has one base colour for the diffuse and the metallic part, and how much of it is metal. Where the
 //! specular reflectance rho_s is the larger, the metalness m and base colour c are solved from
 //! `(1 - m) c = rho_d` and `0.04 (1 - m) + m c = rho_s`, which for rho_d = 0 is a pure metal of colour rho_s. Where the
-//! diffuse is the larger, the surface is a dielectric of colour rho_d with `KHR_materials_specular` scaling the 4 % of its
-//! normal reflectance to rho_s. A viewer adds Fresnel's rise at grazing angles, which Ward's model has not.
+//! diffuse is the larger, or both are so dark that the 4 % of the non-metallic part are too much and nothing solves the
+//! equations, the surface is a dielectric of colour rho_d with `KHR_materials_specular` scaling those 4 % to rho_s. A viewer adds Fresnel's rise at grazing angles, which Ward's model has not.
 
 mod geometry;
 mod texture;
@@ -161,27 +161,31 @@ fn draw(export: &Export<'_>, options: GltfOptions) -> Result<([Picture; 2], Gltf
     Ok(([roughness, anisotropy], report))
 }
 
-/// Metalness and base colour; see the head of the module.
-fn metal(material: &Material) -> (f32, [f32; 3]) {
-    const DIELECTRIC: f32 = 0.04;
+/// The reflectance of a dielectric at normal incidence, where no extension says otherwise.
+const DIELECTRIC: f32 = 0.04;
+
+/// Metalness and base colour of a surface with more specular than diffuse reflectance, if there are any that give both; see
+/// the head of the module.
+fn metal(material: &Material) -> Option<(f32, [f32; 3])> {
     let luminance = |c: [f32; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
     let (d, s) = (luminance(material.diffuse), luminance(material.specular));
     // c = d + s - 0.04 (1 - m) and (1 - m) c = d: a quadratic in q = 1 - m.
     let sum = d + s;
-    let q = 2.0 * d / (sum + (sum * sum - 4.0 * DIELECTRIC * d).max(0.0).sqrt()).max(1e-6);
-    let color =
-        |i: usize| (material.diffuse[i] + material.specular[i] - DIELECTRIC * q).clamp(0.0, 1.0);
-    ((1.0 - q).clamp(0.0, 1.0), std::array::from_fn(color))
+    let discriminant = sum * sum - 4.0 * DIELECTRIC * d;
+    if s <= d || discriminant < 0.0 {
+        return None;
+    }
+    let q = 2.0 * d / (sum + discriminant.sqrt());
+    let color: [f32; 3] =
+        std::array::from_fn(|i| material.diffuse[i] + material.specular[i] - DIELECTRIC * q);
+    // Above 1 is what reflects more than all light; no other material could do that either.
+    let exists = color.iter().all(|c| *c >= 0.0);
+    exists.then(|| ((1.0 - q).clamp(0.0, 1.0), color.map(|c| c.min(1.0))))
 }
 
 fn material_of(export: &Export<'_>, colors: &Material, report: &GltfReport) -> Value {
-    let luminance = |c: [f32; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
-    let is_metal = luminance(colors.specular) > luminance(colors.diffuse);
-    let (metallic, color) = if is_metal {
-        metal(colors)
-    } else {
-        (0.0, colors.diffuse.map(|c| c.clamp(0.0, 1.0)))
-    };
+    let metal = metal(colors);
+    let (metallic, color) = metal.unwrap_or((0.0, colors.diffuse.map(|c| c.clamp(0.0, 1.0))));
     let mut record = MapRecord::new(Content::Gltf, export.info(), export.map().wrap());
     record.lobe_fit = Some(report.lobe_fit);
     let mut material = json!({
@@ -201,9 +205,9 @@ fn material_of(export: &Export<'_>, colors: &Material, report: &GltfReport) -> V
         },
         "extras": { MapRecord::NAME: record },
     });
-    if !is_metal {
+    if metal.is_none() {
         material["extensions"]["KHR_materials_specular"] =
-            json!({ "specularColorFactor": colors.specular.map(|c| c.max(0.0) / 0.04) });
+            json!({ "specularColorFactor": colors.specular.map(|c| c.max(0.0) / DIELECTRIC) });
     }
     material
 }
@@ -480,15 +484,51 @@ mod tests {
 
     #[test]
     fn colours_keep_both_reflectances() {
-        let reflectances =
-            |(m, c): (f32, [f32; 3])| c.map(|c| ((1.0 - m) * c, 0.04 * (1.0 - m) + m * c));
-        for (d, s) in [(0.0, 0.6), (0.1, 0.3), (0.15, 0.19)] {
-            let [(diffuse, specular), ..] = reflectances(metal(&material([d; 3], [s; 3])));
-            assert!((diffuse - d).abs() < 1e-6 && (specular - s).abs() < 1e-6);
+        let map = samples::disc((4, 4), Wrap::Repeat);
+        let (info, folder) = (MapInfo::default(), tempfile::tempdir().unwrap());
+        let written = |colors: &Material| {
+            let stem = folder.path().join("a");
+            let export = Export::new(&map, &info);
+            let options = GltfOptions::default();
+            let (files, _) = write_gltf(&stem, &export, &quad(), colors, options).unwrap();
+            let document: Value =
+                serde_json::from_slice(&fs::read(&files[0].path).unwrap()).unwrap();
+            document["materials"][0].clone()
+        };
+        // The diffuse and the specular reflectance of one channel at normal incidence, as the specification has them.
+        let reflectances = |written: &Value, channel: usize| {
+            let pbr = &written["pbrMetallicRoughness"];
+            let m = pbr["metallicFactor"].as_f64().unwrap();
+            let c = pbr["baseColorFactor"][channel].as_f64().unwrap();
+            let specular = &written["extensions"]["KHR_materials_specular"];
+            let scale = specular["specularColorFactor"][channel].as_f64();
+            let f0 = 0.04 * scale.unwrap_or(1.0);
+            ((1.0 - m) * c, f0 * (1.0 - m) + m * c)
+        };
+        for (d, s, is_metal) in [
+            ([0.0; 3], [0.6; 3], true),
+            ([0.1; 3], [0.3; 3], true),
+            ([0.15; 3], [0.19; 3], true),
+            ([0.0; 3], [0.9, 0.6, 0.2], true),
+            ([0.3; 3], [0.05; 3], false),
+            // Too dark to be part metal, part 4 %.
+            ([0.02; 3], [0.021; 3], false),
+            ([0.02; 3], [0.03; 3], false),
+            ([0.0; 3], [0.0; 3], false),
+            // On the whole there is a solution, but not for blue.
+            ([0.1, 0.1, 0.0], [0.2, 0.2, 0.0], false),
+        ] {
+            let written = written(&material(d, s));
+            let has_metal = written["pbrMetallicRoughness"]["metallicFactor"] != 0.0;
+            assert_eq!(has_metal, is_metal, "{d:?} {s:?}");
+            for i in 0..3 {
+                let (diffuse, specular) = reflectances(&written, i);
+                assert!((diffuse - f64::from(d[i])).abs() < 1e-6, "{d:?} {s:?}");
+                assert!((specular - f64::from(s[i])).abs() < 1e-6, "{d:?} {s:?}");
+            }
         }
-        let copper = [0.9, 0.6, 0.2];
-        assert_eq!(metal(&material([0.0; 3], copper)), (1.0, copper));
-        assert!(metal(&material([0.0; 3], [0.0; 3])).0.is_finite());
+        let (_, bright) = metal(&material([0.2; 3], [0.9; 3])).unwrap();
+        assert_eq!(bright, [1.0; 3]);
     }
 
     #[test]
