@@ -2,6 +2,7 @@
 
 use super::field::{self, JUMP_DEGREES, Poles, Seam};
 use super::{ISOTROPIC_RATIO, Place, by_stretches, sorted};
+use crate::convention::LobeFit;
 use crate::map::{ALPHA_MAX, ALPHA_MIN, AnisoMap, Mended};
 use serde::Serialize;
 use std::fmt;
@@ -171,9 +172,9 @@ const WIDTH_RULES: [WidthRule; 4] = [
     WidthRule {
         code: "gltf-range",
         severity: Severity::Warning,
-        holds: |large, _| large > 1.0,
-        message: "have an alpha over 1, which glTF and most other targets cannot store",
-        advice: "Lower the alphas, or accept that such exports clamp them to 1",
+        holds: |large, _| large > 1.0 && LobeFit::default().apply(large) > 1.0,
+        message: "have an alpha over 1.435, whose GGX width is over 1, the largest that glTF has",
+        advice: "Lower the alphas, or accept that the glTF export clamps them",
     },
     WidthRule {
         code: "8-bit-linear",
@@ -396,11 +397,17 @@ mod tests {
         let first = lint(&map, Mended::default())[0].first;
         assert_eq!(first, Some(Place { x: 7, y: 5 }));
         assert_eq!(codes(&constant(0.02, 0.4)), ["8-bit-linear"]);
-        assert_eq!(codes(&constant(0.4, 1.2)), ["gltf-range"]);
+        assert_eq!(codes(&constant(0.4, 1.43)), [""; 0]);
+        assert_eq!(codes(&constant(0.4, 1.44)), ["gltf-range"]);
         assert_eq!(
-            codes(&constant(0.02, 1.1)),
+            codes(&constant(0.02, 1.45)),
             ["gltf-range", "8-bit-linear", "half"]
         );
+    }
+
+    #[test]
+    fn the_gltf_limit_is_where_it_is_said_to_be() {
+        assert_eq!(format!("{:.3}", LobeFit::default().invert(1.0)), "1.435");
     }
 
     /// The limits are where half a step of 8 bits is 5 % of alpha.
