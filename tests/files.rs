@@ -9,9 +9,10 @@ use anisomap::import::exr::{read_master, read_rgb_pair};
 use anisomap::import::gltf::read_gltf;
 use anisomap::map::{AnisoMap, DEFAULT_TEXEL, Mended, Size, Texel, Wrap};
 use anisomap::math::Axis;
-use anisomap::mesh::{BUILTIN_NAMES, builtin};
+use anisomap::mesh::{BUILTIN_NAMES, Mesh, builtin};
 use anisomap::recipe::Material;
 use exr::prelude::*;
+use glam::{Vec2, Vec3, Vec4};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -468,8 +469,78 @@ fn every_built_in_shape_can_be_written() {
             write_gltf(&folder.join(name), &export, &mesh, &plastic, options).unwrap();
         let [a, b] = [&path, &written[0].path].map(|p| read_gltf(p).unwrap());
         assert_eq!(a.map, b.map);
-        // Our own mesh reader agrees with what was written.
-        let back = anisomap::mesh::load(&path).unwrap();
-        assert_eq!(back.triangles.len(), mesh.triangles.len());
+        agrees_with_its_file(&mesh, &path);
     }
+    // Mirrored in u, as a layout that uses a texture for both sides of a shape is.
+    let mut mesh = builtin("pot").unwrap();
+    for (uv, tangent) in mesh.uvs.iter_mut().zip(&mut mesh.tangents) {
+        uv.x = 1.0 - uv.x;
+        *tangent = -*tangent;
+    }
+    let path = temporary.path().join("mirrored.glb");
+    let options = GltfOptions::default();
+    write_glb(&path, &export, &mesh, &Material::default(), options).unwrap();
+    agrees_with_its_file(&mesh, &path);
+}
+
+/// The file's own numbers are a mesh as glTF 2.0, section 3.7.2.1, wants it, and our reader makes of them what was written.
+fn agrees_with_its_file(mesh: &Mesh, path: &Path) {
+    let bytes = fs::read(path).expect("read");
+    let uvs = attribute_of_glb::<2>(&bytes, "TEXCOORD_0");
+    let tangents = attribute_of_glb::<4>(&bytes, "TANGENT");
+    let normals = attribute_of_glb::<3>(&bytes, "NORMAL");
+    let back = anisomap::mesh::load(path).expect("a mesh");
+    assert_eq!(back.triangles.len(), mesh.triangles.len());
+    let mut compared = 0;
+    for (corners, read) in mesh.triangles.iter().zip(&back.triangles) {
+        let down = along_file_v(mesh, *corners, &uvs);
+        for (i, j) in corners.iter().zip(read) {
+            let (i, j) = (*i as usize, *j as usize);
+            assert_eq!(uvs[i], [mesh.uvs[i].x, 1.0 - mesh.uvs[i].y]);
+            assert_eq!(back.positions[j], mesh.positions[i]);
+            assert!(back.normals[j].distance(mesh.normals[i].normalize()) < 1e-5);
+            assert!(back.uvs[j].distance(mesh.uvs[i]) < 1e-6);
+            // A pole has no tangent of its own, and gets any.
+            let Some(tangent) = mesh.tangents[i].truncate().try_normalize() else {
+                continue;
+            };
+            assert!(back.tangents[j].distance(tangent.extend(mesh.tangents[i].w)) < 1e-3);
+            // The bitangent points up the texture, against the file's v.
+            let (n, t) = (Vec3::from(normals[i]), Vec4::from(tangents[i]));
+            if let Some(down) = down {
+                assert!(n.cross(t.truncate()).dot(-down) * t.w > 0.0, "{i}");
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 2 * mesh.triangles.len(), "{compared}");
+}
+
+/// The derivative of the position along the file's v, which runs down; `None` for a triangle without area in the texture.
+fn along_file_v(mesh: &Mesh, corners: [u32; 3], uvs: &[[f32; 2]]) -> Option<Vec3> {
+    let [a, b, c] = corners.map(|i| (mesh.positions[i as usize], Vec2::from(uvs[i as usize])));
+    let (p1, p2) = (b.0 - a.0, c.0 - a.0);
+    let (t1, t2) = (b.1 - a.1, c.1 - a.1);
+    let area = t1.perp_dot(t2);
+    (area.abs() > 1e-12).then(|| (p2 * t1.x - p1 * t2.x) / area)
+}
+
+/// A float attribute of a GLB's only primitive, as it stands in the file.
+fn attribute_of_glb<const N: usize>(bytes: &[u8], name: &str) -> Vec<[f32; N]> {
+    let length = u32::from_le_bytes(bytes[12..16].try_into().expect("a number")) as usize;
+    let document: serde_json::Value =
+        serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+    let number = |value: &serde_json::Value| value.as_u64().expect("a number") as usize;
+    let primitive = &document["meshes"][0]["primitives"][0];
+    let accessor = &document["accessors"][number(&primitive["attributes"][name])];
+    let view = &document["bufferViews"][number(&accessor["bufferView"])];
+    let start = 28 + length + number(&view["byteOffset"]);
+    let content = &bytes[start..start + 4 * N * number(&accessor["count"])];
+    let floats: Vec<f32> = content
+        .as_chunks()
+        .0
+        .iter()
+        .map(|b| f32::from_le_bytes(*b))
+        .collect();
+    floats.as_chunks().0.to_vec()
 }
