@@ -102,7 +102,8 @@ fn write_beside(
     let file = builder.tempfile_in(folder).map_err(|e| {
         // tempfile puts its own path into the message; the user knows only theirs.
         let text = match e.kind() {
-            io::ErrorKind::NotFound => "its folder is not there".to_owned(),
+            io::ErrorKind::NotFound if !folder.is_dir() => "its folder is not there".to_owned(),
+            io::ErrorKind::NotFound => "its folder takes no new files".to_owned(),
             kind => kind.to_string(),
         };
         io::Error::new(e.kind(), text)
@@ -187,7 +188,16 @@ mod tests {
         let missing = folder.path().join("no").join("a.exr");
         let e = write_atomic(&missing, |_| Ok(())).unwrap_err().to_string();
         assert!(e.contains("a.exr") && !e.contains(".part"), "{e}");
+        assert!(e.contains("its folder is not there"), "{e}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_that_takes_no_files_is_not_called_missing() {
+        // The kernel answers as if /proc were not there.
+        let e = write_atomic(Path::new("/proc/x.png"), |_| Ok(())).unwrap_err();
+        assert!(!e.to_string().contains("not there"), "{e}");
     }
 
     #[test]
