@@ -61,19 +61,28 @@ impl FromStr for Look {
 
     fn from_str(word: &str) -> Result<Self> {
         let (model, mean) = match word.split_once(':') {
-            None => (word, false),
-            Some((model, "mean")) => (model, true),
-            Some((model, _)) => {
-                let allowed = "allowed after a model: nothing, or `:mean` for the map's mean";
-                return Err(Error::invalid("model", format!("`{word}`"), allowed)
-                    .with_hint(format!("Did you mean `{model}:mean`?")));
-            }
+            None if !word.contains(char::is_whitespace) => (word, false),
+            Some((model, "mean")) if !model.is_empty() => (model, true),
+            _ => return Err(misspelt(word)),
         };
         Ok(Self {
             model: model.parse()?,
             mean,
         })
     }
+}
+
+/// What is said of a word that is neither a model nor a model with `:mean`.
+fn misspelt(word: &str) -> Error {
+    let model = word
+        .split([':', ' '])
+        .find_map(|part| part.parse::<Model>().ok());
+    let hint = match model {
+        Some(model) => format!("Did you mean `{model}:mean`?"),
+        None => "For example `ward:mean`".to_owned(),
+    };
+    let allowed = "allowed: a model, alone or followed by `:mean` for the map's mean";
+    Error::invalid("model", format!("`{word}`"), allowed).with_hint(hint)
 }
 
 #[cfg(test)]
@@ -97,8 +106,14 @@ mod tests {
     fn a_wrong_word_is_told_the_nearest_and_the_allowed_ones() {
         let e = Look::list("ward,phnog:mean").unwrap_err().to_string();
         assert!(e.contains("`phong`") && e.contains("blinn-phong"), "{e}");
-        let e = "ward:man".parse::<Look>().unwrap_err().to_string();
-        assert!(e.contains("ward:mean"), "{e}");
+        for (word, hint) in [
+            ("ggx:man", "Did you mean `ggx:mean`?"),
+            ("ggx mean", "Did you mean `ggx:mean`?"),
+            (":mean", "For example `ward:mean`"),
+        ] {
+            let e = word.parse::<Look>().unwrap_err().to_string();
+            assert!(e.contains(&format!("`{word}`")) && e.ends_with(hint), "{e}");
+        }
         assert!("".parse::<Look>().is_err());
     }
 }
