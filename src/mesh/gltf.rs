@@ -5,7 +5,7 @@
 //! damaged files: a panic that is caught has already written its message to the user's terminal. Here every number of the
 //! file is checked where it is used.
 
-use super::raw::{MissingNormals, Raw, check_triangle_count};
+use super::raw::{Fault, MissingNormals, Raw, check_triangle_count};
 use super::{MAX_FILE_BYTES, Mesh, read_limited};
 use crate::error::{Error, Result};
 use base64::Engine;
@@ -515,13 +515,13 @@ impl Source<'_> {
             }
             self.part(primitive, mode, mesh.triangles.len())
                 .and_then(|part| mesh.append(&part, place))
-                .map_err(|problem| fault(problem).with_hint(DAMAGED_HINT))?;
+                .map_err(|f| fault(f.problem).with_hint(f.hint.unwrap_or(DAMAGED_HINT)))?;
         }
         Ok(())
     }
 
     /// A primitive as a mesh of its own, holding only the vertices that its triangles use.
-    fn part(&self, primitive: &Primitive, mode: u32, already: usize) -> Result<Mesh, String> {
+    fn part(&self, primitive: &Primitive, mode: u32, already: usize) -> Result<Mesh, Fault> {
         let attributes = &primitive.attributes;
         let positions = self.elements("POSITION", required(attributes.position, "POSITION")?, 3)?;
         let uvs = self.elements("TEXCOORD_0", required(attributes.uv, "TEXCOORD_0")?, 2)?;
@@ -534,10 +534,9 @@ impl Source<'_> {
             ("TANGENT", tangents.as_ref()),
         ] {
             if let Some(other) = other.filter(|o| o.count != count) {
-                return Err(format!(
-                    "{} elements of {name} for {count} positions",
-                    other.count
-                ));
+                return Err(
+                    format!("{} elements of {name} for {count} positions", other.count).into(),
+                );
             }
         }
         let mut triangles = self.triangles(primitive, mode, count, already)?;
@@ -557,7 +556,7 @@ impl Source<'_> {
                 .unwrap_or_default(),
             triangles,
         };
-        raw.complete(MissingNormals::Flat)
+        Ok(raw.complete(MissingNormals::Flat)?)
     }
 
     fn triangles(
@@ -566,10 +565,12 @@ impl Source<'_> {
         mode: u32,
         vertices: usize,
         already: usize,
-    ) -> Result<Vec<[u32; 3]>, String> {
+    ) -> Result<Vec<[u32; 3]>, Fault> {
         let indices = self.optional("indices", primitive.indices, 1)?;
         if indices.as_ref().is_some_and(|i| !i.is_index_type()) {
-            return Err("its indices are not unsigned whole numbers".to_owned());
+            return Err("its indices are not unsigned whole numbers"
+                .to_owned()
+                .into());
         }
         let corners = indices.as_ref().map_or(vertices, |i| i.count);
         let count = if mode == 4 {
@@ -578,7 +579,7 @@ impl Source<'_> {
             corners.saturating_sub(2)
         };
         if mode == 4 && corners % 3 != 0 {
-            return Err(format!("{corners} corners, which is no multiple of 3"));
+            return Err(format!("{corners} corners, which is no multiple of 3").into());
         }
         check_triangle_count(already.saturating_add(count))?;
         let corner = |at: usize| -> Result<u32, String> {

@@ -6,7 +6,7 @@
 
 use super::Mesh;
 use super::gltf::NO_UVS_HINT;
-use super::raw::{MissingNormals, Raw, check_triangle_count};
+use super::raw::{Fault, MissingNormals, Raw, check_triangle_count};
 use crate::error::{Error, Result};
 use glam::{Mat4, Vec2, Vec3};
 use std::borrow::Cow;
@@ -21,7 +21,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let mut reader = Reader::default();
     for (number, line) in logical_lines(bytes) {
         reader.line(&line).map_err(|fault| {
-            Error::file(path, format!("line {number}: {}", fault.problem)).with_hint(fault.hint)
+            Error::file(path, format!("line {number}: {}", fault.problem))
+                .with_hint(fault.hint.unwrap_or("Export the mesh again"))
         })?;
     }
     let whole = |problem: String| Error::file(path, problem);
@@ -29,8 +30,11 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     reader
         .into_raw()
         .complete(MissingNormals::Smooth)
-        .and_then(|part| mesh.append(&part, Mat4::IDENTITY))
-        .map_err(whole)?;
+        .map_err(whole)
+        .and_then(|part| {
+            let appended = mesh.append(&part, Mat4::IDENTITY);
+            appended.map_err(|fault| whole(fault.problem))
+        })?;
     if mesh.triangles.is_empty() {
         return Err(whole("it has no faces with an area".to_owned()));
     }
@@ -55,21 +59,6 @@ fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
         }
         Some((index + 1, text))
     })
-}
-
-/// What is wrong with a line and what to do about it.
-struct Fault {
-    problem: String,
-    hint: &'static str,
-}
-
-impl From<String> for Fault {
-    fn from(problem: String) -> Self {
-        Self {
-            problem,
-            hint: "Export the mesh again",
-        }
-    }
 }
 
 /// What the lines so far have given.
@@ -121,7 +110,7 @@ impl Reader {
         for pair in corners[1..].windows(2) {
             self.triangles.push([corners[0], pair[0], pair[1]]);
         }
-        Ok(check_triangle_count(self.triangles.len())?)
+        check_triangle_count(self.triangles.len())
     }
 
     /// The vertex that `position/uv/normal` means.
@@ -138,7 +127,7 @@ impl Reader {
         let uv = uv.ok_or_else(|| Fault {
             problem: "the face has no texture coordinates (`vt`), so no map can be placed on it"
                 .to_owned(),
-            hint: NO_UVS_HINT,
+            hint: Some(NO_UVS_HINT),
         })?;
         let corner = (position, uv, normal);
         Ok(*self.numbers.entry(corner).or_insert_with(|| {
@@ -192,4 +181,22 @@ fn index(text: &str, count: usize, what: &str) -> Result<usize, String> {
     at.and_then(|at| usize::try_from(at).ok())
         .filter(|at| *at < count)
         .ok_or_else(|| format!("the face names {what} {number}, but there are {count} so far"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_many_triangles_are_told_to_be_fewer() {
+        let mut reader = Reader {
+            triangles: vec![[0; 3]; crate::mesh::MAX_TRIANGLES],
+            ..Reader::default()
+        };
+        for line in ["v 0 0 0", "vt 0 0"] {
+            assert!(reader.line(line).is_ok());
+        }
+        let fault = reader.line("f 1/1 1/1 1/1").err().unwrap();
+        assert!(fault.hint.is_some_and(|h| h.contains("Decimate")));
+    }
 }

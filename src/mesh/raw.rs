@@ -170,11 +170,11 @@ impl Mesh {
     ///
     /// # Errors
     /// What is wrong, as a clause: too many triangles, a place too far away.
-    pub(super) fn append(&mut self, part: &Mesh, place: Mat4) -> Result<(), String> {
+    pub(super) fn append(&mut self, part: &Mesh, place: Mat4) -> Result<(), Fault> {
         let linear = Mat3::from_mat4(place);
         let determinant = linear.determinant();
         if !place.is_finite() {
-            return Err("its node's transform is not finite".to_owned());
+            return Err("its node's transform is not finite".to_owned().into());
         }
         if determinant.abs() < f32::MIN_POSITIVE {
             return Ok(());
@@ -191,7 +191,7 @@ impl Mesh {
         for i in 0..part.positions.len() {
             let position = place.transform_point3(part.positions[i]);
             if !position.is_finite() || position.abs().max_element() > MAX_COORDINATE {
-                return Err(format!("its node's transform takes a vertex to {position}"));
+                return Err(format!("its node's transform takes a vertex to {position}").into());
             }
             let normal = direction(normal_matrix * part.normals[i]);
             let given = part.tangents[i];
@@ -232,13 +232,29 @@ impl Mesh {
     }
 }
 
+/// What is wrong with a mesh, as a clause, and what to do about it where that is not for the format to say.
+pub(super) struct Fault {
+    pub(super) problem: String,
+    pub(super) hint: Option<&'static str>,
+}
+
+impl From<String> for Fault {
+    fn from(problem: String) -> Self {
+        Self {
+            problem,
+            hint: None,
+        }
+    }
+}
+
 /// # Errors
-/// A clause that names the count and the limit.
-pub(super) fn check_triangle_count(count: usize) -> Result<(), String> {
+/// Names the limit.
+pub(super) fn check_triangle_count(count: usize) -> Result<(), Fault> {
     if count > MAX_TRIANGLES {
-        return Err(format!(
-            "it has more than {MAX_TRIANGLES} triangles, the most that are read"
-        ));
+        return Err(Fault {
+            problem: format!("it has more than {MAX_TRIANGLES} triangles, the most that are read"),
+            hint: Some("Decimate the mesh in a modelling program"),
+        });
     }
     Ok(())
 }

@@ -477,3 +477,28 @@ fn write_broken_files() {
         std::fs::write(broken_folder().join(name), bytes).unwrap();
     }
 }
+
+#[test]
+fn too_many_triangles_are_no_damage() {
+    let corners = crate::mesh::MAX_TRIANGLES + 3;
+    let (mut document, mut data) = quad(true);
+    let start = data.len();
+    data.resize(start + corners, 0);
+    let push = |list: &mut Value, entry: Value| {
+        let list = list.as_array_mut().unwrap();
+        list.push(entry);
+        list.len() - 1
+    };
+    document["buffers"][0]["byteLength"] = json!(data.len());
+    let view = json!({ "buffer": 0, "byteOffset": start, "byteLength": corners });
+    let view = push(&mut document["bufferViews"], view);
+    let indices =
+        json!({ "bufferView": view, "componentType": 5121, "count": corners, "type": "SCALAR" });
+    let indices = push(&mut document["accessors"], indices);
+    let primitive = &mut document["meshes"][0]["primitives"][0];
+    primitive["indices"] = json!(indices);
+    primitive["mode"] = json!(5);
+    let e = read(&document, &data).unwrap_err().to_string();
+    assert!(e.contains("triangles") && e.contains("Decimate"), "{e}");
+    assert!(!e.contains("damaged"), "{e}");
+}
