@@ -8,6 +8,7 @@ use crate::convention::{LobeFit, MapInfo, MapRecord, Stretched, gltf};
 use crate::error::{Error, Result};
 use crate::map::{AnisoMap, Size, Wrap};
 use crate::math::{Axis, sin_cos};
+use crate::mesh::container::{path_beside, split_glb};
 use base64::Engine;
 use glam::Vec2;
 use image::codecs::png::PngDecoder;
@@ -16,7 +17,7 @@ use rayon::prelude::*;
 use serde_json::Value;
 use std::borrow::Cow;
 use std::io::Cursor;
-use std::path::{Component, Path};
+use std::path::Path;
 
 /// Reads the first material with the extension from a `.glb` or `.gltf`.
 ///
@@ -146,12 +147,9 @@ struct Document<'a> {
 impl<'a> Document<'a> {
     fn parse(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
         let (text, chunk) = if bytes.starts_with(b"glTF") {
-            split(bytes).ok_or_else(|| {
-                Error::file(
-                    path,
-                    "it is damaged or cut short (its chunks do not fit the file)",
-                )
-                .with_hint("Make or copy the file again")
+            split_glb(bytes).map_err(|problem| {
+                Error::file(path, format!("it is damaged or cut short ({problem})"))
+                    .with_hint("Make or copy the file again")
             })?
         } else {
             (bytes, None)
@@ -277,15 +275,10 @@ impl<'a> Document<'a> {
                 .map(Cow::Owned)
                 .ok_or_else(|| self.bad("a data URI in it is not base64"));
         }
-        let name = percent_decoded(uri).ok_or_else(|| self.bad(format!("`{uri}` is no URI")))?;
-        let inside = Path::new(&name)
-            .components()
-            .all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-        if !inside || name.contains(':') {
-            return Err(self
-                .bad(format!("it names `{name}`, outside its own folder"))
-                .with_hint("Put the file beside the glTF file"));
-        }
+        let name = path_beside(uri).ok_or_else(|| {
+            self.bad(format!("it names `{uri}`, outside its own folder"))
+                .with_hint("Put the file beside the glTF file")
+        })?;
         super::read_file(&self.path.with_file_name(name)).map(Cow::Owned)
     }
 
@@ -340,50 +333,10 @@ fn open_png(bytes: &[u8]) -> image::ImageResult<PngDecoder<Cursor<&[u8]>>> {
     PngDecoder::with_limits(Cursor::new(bytes), limits)
 }
 
-/// The JSON and the binary chunk of a GLB; `None` when the lengths in it do not fit.
-fn split(bytes: &[u8]) -> Option<(&[u8], Option<&[u8]>)> {
-    let chunk = |from: usize, kind: &[u8]| {
-        let length = bytes.get(from..from + 4)?.try_into().ok()?;
-        let length = usize::try_from(u32::from_le_bytes(length)).ok()?;
-        let start = from + 8;
-        let body = bytes.get(start..start.checked_add(length)?)?;
-        (bytes.get(from + 4..start)? == kind).then_some((body, start + length))
-    };
-    let (json, next) = chunk(12, b"JSON")?;
-    if next >= bytes.len() {
-        return Some((json, None));
-    }
-    let (binary, _) = chunk(next, b"BIN\0")?;
-    Some((json, Some(binary)))
-}
-
-fn percent_decoded(uri: &str) -> Option<String> {
-    let mut bytes = Vec::with_capacity(uri.len());
-    let mut rest = uri.bytes();
-    while let Some(b) = rest.next() {
-        if b == b'%' {
-            let hex = [rest.next()?, rest.next()?];
-            bytes.push(u8::from_str_radix(std::str::from_utf8(&hex).ok()?, 16).ok()?);
-        } else {
-            bytes.push(b);
-        }
-    }
-    String::from_utf8(bytes).ok()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::io::Write;
-
-    #[test]
-    fn chunks_that_do_not_fit_are_no_glb() {
-        let mut bytes = b"glTF\x02\0\0\0\x18\0\0\0\x04\0\0\0JSON{}  ".to_vec();
-        assert_eq!(split(&bytes), Some((b"{}  ".as_slice(), None)));
-        bytes.extend([0xff, 0xff, 0xff, 0xff]);
-        assert_eq!(split(&bytes), None);
-        assert_eq!(split(b"glTF"), None);
-    }
 
     /// A PNG of one texel with a colour profile of `length` zeros.
     fn png_with_profile(length: usize) -> Vec<u8> {
@@ -418,10 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_decoded_and_stay_in_the_folder() {
-        assert_eq!(percent_decoded("a%20b.png").unwrap(), "a b.png");
-        assert_eq!(percent_decoded("a%2"), None);
-        assert_eq!(percent_decoded("%ff"), None);
+    fn pictures_are_read_from_the_folder_only() {
         let path = Path::new("/somewhere/a.gltf");
         let document = Document::parse(path, b"{}").unwrap();
         for uri in ["../x.png", "/etc/x.png", "%2e%2e/x.png", "file:///x.png"] {

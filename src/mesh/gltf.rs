@@ -5,6 +5,7 @@
 //! damaged files: a panic that is caught has already written its message to the user's terminal. Here every number of the
 //! file is checked where it is used.
 
+use super::container::{path_beside, split_glb};
 use super::raw::{Fault, MissingNormals, Raw, check_triangle_count};
 use super::{MAX_FILE_BYTES, Mesh, read_limited};
 use crate::error::{Error, Result};
@@ -14,7 +15,7 @@ use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
 use serde::Deserialize;
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 
 /// Largest JSON part, in bytes. Its structs take up to ten times as much memory as its text.
 const MAX_JSON_BYTES: usize = 1 << 28;
@@ -178,42 +179,6 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// The JSON chunk and the binary chunk of a GLB (glTF 2.0, section 4.4). Chunks of other kinds are skipped, as demanded there.
-fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
-    let word = |at: usize| -> Option<usize> {
-        let four = bytes.get(at..at.checked_add(4)?)?;
-        Some(u32::from_le_bytes(four.try_into().ok()?) as usize)
-    };
-    let short = || "the file ends in the middle of its header".to_owned();
-    let version = word(4).ok_or_else(short)?;
-    let length = word(8).ok_or_else(short)?;
-    if version != 2 {
-        return Err(format!("it is GLB version {version}; version 2 is read"));
-    }
-    if length > bytes.len() {
-        return Err(format!(
-            "it says it is {length} bytes long, but only {} are there",
-            bytes.len()
-        ));
-    }
-    let chunk = |at: usize| -> Result<&[u8], String> {
-        let size = word(at).ok_or_else(short)?;
-        bytes
-            .get(at + 8..at + 8 + size)
-            .ok_or_else(|| format!("its chunk at byte {at} reaches beyond the end of the file"))
-    };
-    let kind_is = |at: usize, kind: &[u8]| bytes.get(at + 4..at + 8) == Some(kind);
-    if !kind_is(12, b"JSON") {
-        return Err("its first chunk is not JSON".to_owned());
-    }
-    let json = chunk(12)?;
-    let next = 20 + json.len();
-    let bin = (next < length && kind_is(next, b"BIN\0"))
-        .then(|| chunk(next))
-        .transpose()?;
-    Ok((json, bin))
-}
-
 fn read_document(json: &[u8]) -> Result<Document, String> {
     if json.len() > MAX_JSON_BYTES {
         return Err(format!(
@@ -304,30 +269,6 @@ fn load_uri(
         .with_hint("Buffers are read from beside the file only; move it there, or export a .glb")
     })?;
     read_limited(&path.parent().unwrap_or(Path::new("")).join(beside), limit)
-}
-
-/// The relative path that a URI means, if it stays inside the folder: no scheme, no root, no `..`.
-fn path_beside(uri: &str) -> Option<PathBuf> {
-    let decoded = percent_decoded(uri)?;
-    let path = PathBuf::from(&decoded);
-    let inside = path
-        .components()
-        .all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-    (inside && !decoded.is_empty() && !decoded.contains(['\\', ':', '\0'])).then_some(path)
-}
-
-fn percent_decoded(uri: &str) -> Option<String> {
-    let mut bytes = Vec::with_capacity(uri.len());
-    let mut rest = uri.bytes();
-    while let Some(b) = rest.next() {
-        if b == b'%' {
-            let mut digit = || char::from(rest.next()?).to_digit(16);
-            bytes.push((digit()? * 16 + digit()?) as u8);
-        } else {
-            bytes.push(b);
-        }
-    }
-    String::from_utf8(bytes).ok()
 }
 
 /// (mesh, transform to the world) of every node of the default scene, parents before children. Without any scene every node

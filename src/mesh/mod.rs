@@ -3,6 +3,7 @@
 //! World is y up, right-handed; front faces wind counter-clockwise seen from outside. v of a texture coordinate runs up, as
 //! in OBJ; glTF's is flipped on load and save.
 
+pub(crate) mod container;
 pub mod cylinder;
 mod disc;
 mod gltf;

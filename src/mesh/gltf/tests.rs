@@ -3,6 +3,7 @@
 use super::*;
 use crate::mesh::tests::numbers;
 use serde_json::{Value, json};
+use std::path::PathBuf;
 
 /// A square of side 2 facing +z, its texture upright: two triangles, four vertices, 16-bit indices.
 fn quad(with_tangents: bool) -> (Value, Vec<u8>) {
