@@ -66,6 +66,34 @@ pub(super) fn formats(asked: &[Target], file: &RecipeFile, default: &[Target]) -
     formats
 }
 
+/// What follows the stem in the names of the files that these formats become, and of the recipe's copy.
+pub(super) fn suffixes(formats: &[Target]) -> Vec<&'static str> {
+    let of = |format: &Target| -> &'static [&'static str] {
+        match format {
+            Target::Exr => &[".exr"],
+            Target::RgbExr => &["_alpha.exr", "_direction.exr"],
+            Target::Png8 => &[
+                "_alpha_x_8bit.png",
+                "_alpha_y_8bit.png",
+                "_axis_8bit.png",
+                "_direction_8bit.png",
+            ],
+            Target::Png16 => &[
+                "_alpha_x_16bit.png",
+                "_alpha_y_16bit.png",
+                "_angle_16bit.png",
+                "_axis_16bit.png",
+                "_direction_16bit.png",
+            ],
+            Target::Glb => &[".glb"],
+            Target::Gltf => &[".gltf", ".bin", "_roughness.png", "_anisotropy.png"],
+            Target::Preview => &["_preview.png"],
+        }
+    };
+    let maps = formats.iter().flat_map(of).copied();
+    maps.chain([".toml"]).collect()
+}
+
 /// A recipe and what to write of it.
 pub(super) struct Job {
     pub(super) file: RecipeFile,
@@ -353,5 +381,35 @@ impl Made {
             "seconds": seconds,
             "ignored": job.file.ignored(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_file_of_every_format_is_known_by_its_suffix() {
+        for format in Target::ALL {
+            let folder = tempfile::tempdir().unwrap();
+            let job = Job {
+                file: RecipeFile::parse("version = 1\nsize = 4\n", "t.toml", None).unwrap(),
+                folder: folder.path().to_owned(),
+                stem: "x".to_owned(),
+                formats: vec![format],
+                precision: Precision::Half,
+                mesh: None,
+                allow_outside: false,
+            };
+            job.make().unwrap();
+            let names = fs::read_dir(folder.path()).unwrap();
+            let written: BTreeSet<String> = names
+                .map(|e| e.unwrap().file_name().into_string().unwrap())
+                .filter(|name| name != "README_png.txt") // the same for all maps
+                .collect();
+            let known = suffixes(&[format]).into_iter().map(|s| format!("x{s}"));
+            assert_eq!(written, known.collect(), "{}", format.name());
+        }
     }
 }

@@ -1,11 +1,12 @@
 //! The manifest of a batch: jobs, and what they cross.
 
-use super::folder_of;
+use super::{FORMATS, folder_of};
+use crate::cli::generate::{formats, suffixes};
 use anisomap::map::Size;
 use anisomap::recipe::{self, PRESETS, RecipeFile, Target, read_toml};
 use anisomap::{Error, Result};
 use serde::Deserialize;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -91,6 +92,23 @@ impl Item {
         let mut file = (*self.source).clone()?;
         file.set(&self.overrides).map_err(|e| e.to_string())?;
         Ok(file)
+    }
+
+    /// What the names of its files may end with.
+    fn suffixes(&self) -> Vec<&'static str> {
+        let formats = match &*self.source {
+            // Overrides are tried when the item is made; until then one that names formats may name any.
+            _ if self
+                .overrides
+                .iter()
+                .any(|(key, _)| key.starts_with("targets")) =>
+            {
+                Target::ALL.to_vec()
+            }
+            Ok(file) => formats(&self.formats, file, &FORMATS),
+            Err(_) => FORMATS.to_vec(),
+        };
+        suffixes(&formats)
     }
 }
 
@@ -359,18 +377,26 @@ fn safe(text: &str) -> String {
     text.chars().filter(|c| *c != '"').map(keep).collect()
 }
 
-/// Gives items of one name the endings -2, -3, ...; names are compared without case, as some file systems do.
+/// Gives items of which a file would be another's the endings -2, -3, ...: `x` with `x_alpha.exr` and an item called
+/// `x_alpha` are such. Names are compared without case, as some file systems do.
 fn make_unique(items: &mut [Item]) {
-    let mut taken: HashMap<String, u64> = HashMap::new();
+    let mut files: HashSet<String> = HashSet::new();
+    let mut numbers: HashMap<String, u64> = HashMap::new();
     for item in items {
         let base = item.name.clone();
-        let mut n = taken.get(&base.to_lowercase()).copied().unwrap_or(0);
-        while taken.contains_key(&item.name.to_lowercase()) {
-            n = n.max(1) + 1;
+        let suffixes = item.suffixes();
+        let names = |stem: &str| -> Vec<String> {
+            let stem = stem.to_lowercase();
+            suffixes.iter().map(|s| format!("{stem}{s}")).collect()
+        };
+        let n = numbers.entry(base.to_lowercase()).or_insert(1);
+        let mut wanted = names(&item.name);
+        while wanted.iter().any(|name| files.contains(name)) {
+            *n += 1;
             item.name = format!("{base}-{n}");
+            wanted = names(&item.name);
         }
-        taken.insert(base.to_lowercase(), n.max(1));
-        taken.entry(item.name.to_lowercase()).or_insert(1);
+        files.extend(wanted);
     }
 }
 
@@ -383,7 +409,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("m.toml");
         fs::write(&path, text).unwrap();
-        fs::write(folder.path().join("own.toml"), "version = 1").unwrap();
+        for own in ["own", "own_alpha", "own_Alpha"] {
+            fs::write(folder.path().join(format!("{own}.toml")), "version = 1").unwrap();
+        }
         Manifest::read(&path, 1000)
     }
 
@@ -425,6 +453,35 @@ mod tests {
         );
         let long = names(&long);
         assert!(long[0] != long[1] && long.iter().all(|n| n.len() <= NAME_BYTES));
+    }
+
+    #[test]
+    fn files_are_never_the_same_twice() {
+        let all = |recipes: &str| {
+            let text = format!(
+                "version = 1\n[[jobs]]\nrecipes = [{recipes}]\nformats = ['exr', 'rgb-exr']\n"
+            );
+            let mut files: Vec<String> = Vec::new();
+            for item in read(&text).unwrap().items() {
+                files.extend(item.suffixes().iter().map(|s| format!("{}{s}", item.name)));
+            }
+            files
+        };
+        for recipes in [
+            "'./own.toml', './own_alpha.toml', './own_Alpha.toml'",
+            "'./own_alpha.toml', './own.toml'",
+        ] {
+            let files = all(recipes);
+            assert!(files.len() >= 7, "{files:?}");
+            let mut unique: Vec<String> = files.iter().map(|f| f.to_lowercase()).collect();
+            unique.sort();
+            unique.dedup();
+            assert_eq!(unique.len(), files.len(), "{files:?}");
+        }
+        let plain = names(
+            "version = 1\n[[jobs]]\nrecipes = ['./own.toml', './own_alpha.toml']\nformats = ['exr']",
+        );
+        assert_eq!(plain, ["own", "own_alpha"], "nothing in the way");
     }
 
     #[test]
