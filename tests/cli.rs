@@ -730,3 +730,100 @@ fn an_interrupted_batch_leaves_whole_files_only() {
         desk.works(&format!("inspect maps/{exr}"));
     }
 }
+
+#[cfg(unix)]
+struct Running {
+    child: std::process::Child,
+}
+
+#[cfg(unix)]
+impl Running {
+    fn new(desk: &Desk, arguments: &str) -> Self {
+        use std::process::{Command, Stdio};
+        let child = Command::new(env!("CARGO_BIN_EXE_anisomap"))
+            .args(arguments.split_whitespace())
+            .current_dir(desk.folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the binary starts");
+        Self { child }
+    }
+
+    fn interrupt(&self) {
+        let killed = std::process::Command::new("kill")
+            .args(["-INT", &self.child.id().to_string()])
+            .status();
+        assert!(killed.expect("kill is there").success());
+    }
+
+    /// Its exit code and how long it still took, after at most a minute.
+    fn end(mut self) -> (Option<i32>, std::time::Duration) {
+        let began = std::time::Instant::now();
+        while began.elapsed().as_secs() < 60 {
+            if let Some(status) = self.child.try_wait().expect("a child") {
+                return (status.code(), began.elapsed());
+            }
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        self.child.kill().expect("still there");
+        panic!("it did not end");
+    }
+}
+
+/// A recipe with one mask that takes minutes to draw and is drawn in one step.
+#[cfg(unix)]
+fn slow_recipe(desk: &Desk) {
+    let points: Vec<String> = (0u32..60_000)
+        .map(|i| {
+            let h = i.wrapping_mul(0x9e37_79b1);
+            let (u, v) = (h >> 16, h & 0xffff);
+            format!("[{}, {}]", f64::from(u) / 65536.0, f64::from(v) / 65536.0)
+        })
+        .collect();
+    let points = points.join(",");
+    let text = format!(
+        "version = 1\nsize = 8192\n[[layers]]\n[layers.constant]\n[layers.mask]\npolygon = [{points}]\n"
+    );
+    desk.write("slow.toml", &text);
+}
+
+#[cfg(unix)]
+#[test]
+fn work_that_takes_no_step_is_ended_soon_after_an_interrupt() {
+    let desk = Desk::new();
+    slow_recipe(&desk);
+    for (times, code) in [(1, 1), (2, 130)] {
+        let running = Running::new(&desk, "inspect slow.toml");
+        std::thread::sleep(std::time::Duration::from_millis(1500));
+        for _ in 0..times {
+            running.interrupt();
+            std::thread::sleep(std::time::Duration::from_millis(200));
+        }
+        let (ended, took) = running.end();
+        assert_eq!(ended, Some(code));
+        assert!(took.as_secs() < 10, "{took:?}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn two_interrupts_leave_no_unfinished_file() {
+    use std::time::{Duration, Instant};
+    let desk = Desk::new();
+    let running = Running::new(
+        &desk,
+        "generate brushed_aluminium -o out --size 4096 --float --formats exr",
+    );
+    let began = Instant::now();
+    let unfinished = |desk: &Desk| desk.files("out").iter().any(|f| f.ends_with(".part"));
+    while !unfinished(&desk) && began.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    running.interrupt();
+    running.interrupt();
+    let (ended, took) = running.end();
+    assert!(ended == Some(130) || ended == Some(1), "{ended:?}");
+    assert!(took.as_secs() < 10, "{took:?}");
+    assert!(!unfinished(&desk), "{:?}", desk.files("out"));
+}

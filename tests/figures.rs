@@ -22,7 +22,7 @@ fn recipe(name: &str) -> Recipe {
 
 fn draw(recipe: &Recipe, mesh: &mesh::Mesh, looks: &str, size: Size) -> Vec<Picture> {
     let prepared = recipe
-        .prepare(recipe.size, &Default::default())
+        .prepare(recipe.size, &Default::default(), &Progress::none())
         .expect("a preset names no files");
     let map = prepared.map(&Progress::none()).expect("nobody cancels");
     let subject = Subject {

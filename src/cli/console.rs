@@ -2,11 +2,13 @@
 
 use super::Result;
 use anisomap::Error;
+use anisomap::export::clear_unfinished;
 use anisomap::progress::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Once, OnceLock};
+use std::thread;
 use std::time::Duration;
 
 static CANCELLED: AtomicBool = AtomicBool::new(false);
@@ -31,13 +33,35 @@ pub(super) fn complain(line: &str) {
     let _ = writeln!(io::stderr().lock(), "{line}");
 }
 
+/// How long work may take to notice that it was cancelled.
+const GRACE: Duration = Duration::from_secs(1);
+/// What a shell expects of a program that Ctrl-C ended.
+const INTERRUPTED: i32 = 130;
+
 /// Makes Ctrl-C stop the work at its next step in place of killing the process, so that unfinished files are cleared away.
+/// Work that takes no step for a while, and a user who presses it again, are not kept waiting: the unfinished files go, and
+/// the process ends.
 pub(super) fn catch_interrupts() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         // Without a handler Ctrl-C kills the process, as it would anyway: nothing to report.
-        let _ = ctrlc::set_handler(|| CANCELLED.store(true, Ordering::Relaxed));
+        let _ = ctrlc::set_handler(|| {
+            if CANCELLED.swap(true, Ordering::Relaxed) {
+                end(INTERRUPTED);
+            }
+            thread::spawn(|| {
+                thread::sleep(GRACE);
+                complain(&format!("error: {}", Error::Cancelled));
+                end(i32::from(Error::Cancelled.exit_code()));
+            });
+        });
     });
+}
+
+/// Ends the process from any thread, in the middle of whatever the others do.
+fn end(code: i32) -> ! {
+    let _no_file_begins_anew = clear_unfinished();
+    std::process::exit(code)
 }
 
 /// Whether the user pressed Ctrl-C.

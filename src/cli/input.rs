@@ -36,7 +36,9 @@ pub(super) fn recipe(word: &str, args: &RecipeArgs, size: Option<Size>) -> Resul
 
 /// The map of a recipe, at the recipe's size.
 pub(super) fn fill(recipe: &Recipe, files: &Files) -> Result<AnisoMap> {
-    let prepared = recipe.prepare(recipe.size, files)?;
+    let prepared = console::with_progress("preparing", |progress| {
+        recipe.prepare(recipe.size, files, progress)
+    })?;
     console::with_progress("filling", |progress| prepared.map(progress))
 }
 

@@ -11,11 +11,13 @@ use crate::error::{Error, Result};
 use crate::filter::{Combed, Line, comb};
 use crate::map::AnisoMap;
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
+use tempfile::NamedTempFile;
 
 /// A map on its way out: what every format needs, and what several of them share.
 #[derive(Debug)]
@@ -99,7 +101,7 @@ fn write_beside(
     // A temporary file is private by default; the result should be as readable as any other file of the user's.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let file = builder.tempfile_in(folder).map_err(|e| {
+    let unfinished = Unfinished::create(&builder, folder).map_err(|e| {
         // tempfile puts its own path into the message; the user knows only theirs.
         let text = match e.kind() {
             io::ErrorKind::NotFound if !folder.is_dir() => "its folder is not there".to_owned(),
@@ -108,17 +110,66 @@ fn write_beside(
         };
         io::Error::new(e.kind(), text)
     })?;
-    let mut buffered = BufWriter::with_capacity(1 << 18, file.as_file());
+    let file = unfinished.file();
+    let mut buffered = BufWriter::with_capacity(1 << 18, file);
     write(&mut buffered)?;
     buffered.flush()?;
     drop(buffered);
-    file.as_file().sync_all()?;
-    let bytes = file.as_file().metadata()?.len();
-    file.persist(path).map_err(|e| e.error)?;
+    file.sync_all()?;
+    let bytes = file.metadata()?.len();
+    unfinished.persist(path)?;
     Ok(Written {
         path: path.to_owned(),
         bytes,
     })
+}
+
+/// The files that are being written now, under their temporary names.
+static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// A temporary file that [`clear_unfinished`] knows of from its first to its last moment.
+struct Unfinished(Option<NamedTempFile>);
+
+impl Unfinished {
+    fn create(builder: &tempfile::Builder<'_, '_>, folder: &Path) -> io::Result<Self> {
+        let mut all = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+        let file = builder.tempfile_in(folder)?;
+        all.insert(file.path().to_owned());
+        Ok(Self(Some(file)))
+    }
+
+    fn file(&self) -> &File {
+        self.0.as_ref().expect("taken at the end only").as_file()
+    }
+
+    fn persist(mut self, path: &Path) -> io::Result<()> {
+        let mut all = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+        let file = self.0.take().expect("taken here only");
+        all.remove(file.path());
+        file.persist(path).map(drop).map_err(|e| e.error)
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        if let Some(file) = self.0.take() {
+            let mut all = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+            all.remove(file.path());
+            drop(file);
+        }
+    }
+}
+
+/// Removes every file that is being written, for a program that is about to exit in the middle of the work. While what it
+/// returns is held no file begins or ends, so exit before it is dropped: work that goes on would fail.
+#[must_use = "files may begin again once it is dropped"]
+pub fn clear_unfinished() -> impl Drop {
+    let all = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+    for path in all.iter() {
+        // What is gone needs no removing, and nobody is left to be told of what cannot be.
+        let _ = std::fs::remove_file(path);
+    }
+    all
 }
 
 #[cfg(test)]

@@ -61,8 +61,9 @@ impl Recipe {
     /// Does once what needs the whole: checks, drawn masks, the patterns' own tables. Hidden layers are left out.
     ///
     /// # Errors
-    /// As [`Recipe::check`], and when a file that it names may not or cannot be read.
-    pub fn prepare(&self, size: Size, files: &Files) -> Result<Prepared> {
+    /// As [`Recipe::check`], when a file that it names may not or cannot be read, and [`crate::Error::Cancelled`] when
+    /// `progress`, which is asked before each layer and mask, says so.
+    pub fn prepare(&self, size: Size, files: &Files, progress: &Progress<'_>) -> Result<Prepared> {
         self.check()?;
         let surface = Surface {
             size,
@@ -77,7 +78,7 @@ impl Recipe {
             size,
             wrap: self.wrap,
             layers: shown
-                .map(|(i, layer)| prepare_layer(i, layer, &surface, files))
+                .map(|(i, layer)| prepare_layer(i, layer, &surface, files, progress))
                 .collect::<Result<_>>()?,
             adjust: (adjust != super::Adjust::default()).then(|| Turned {
                 alpha_x: adjust.alpha_x,
@@ -93,7 +94,9 @@ fn prepare_layer(
     layer: &Layer,
     surface: &Surface,
     files: &Files,
+    progress: &Progress<'_>,
 ) -> Result<PreparedLayer> {
+    progress.check()?;
     let seed = layer.seed_in(surface.seed);
     let own = Surface { seed, ..*surface };
     let Blend::Mix = layer.blend;
@@ -107,7 +110,10 @@ fn prepare_layer(
             }
         },
         mask: match &layer.mask {
-            Some(mask) => Some(prepare_mask(mask, &own)?),
+            Some(mask) => {
+                progress.check()?;
+                Some(prepare_mask(mask, &own)?)
+            }
             None => None,
         },
     })
@@ -528,7 +534,9 @@ mod tests {
     fn map(text: &str) -> AnisoMap {
         let file = RecipeFile::parse(&format!("version = 1\n{text}"), "t.toml", None).unwrap();
         let recipe = file.recipe();
-        let prepared = recipe.prepare(recipe.size, &Files::default()).unwrap();
+        let prepared = recipe
+            .prepare(recipe.size, &Files::default(), &Progress::none())
+            .unwrap();
         prepared.map(&Progress::none()).unwrap()
     }
 
@@ -623,7 +631,10 @@ mod tests {
     fn any_cut_and_any_number_of_threads_give_the_same_bytes() {
         let file = RecipeFile::parse(&format!("version = 1\n{MANY}"), "t.toml", None).unwrap();
         let size = file.recipe().size;
-        let prepared = file.recipe().prepare(size, &Files::default()).unwrap();
+        let prepared = file
+            .recipe()
+            .prepare(size, &Files::default(), &Progress::none())
+            .unwrap();
         let whole = prepared.map(&Progress::none()).unwrap();
         for side in [64, 61] {
             for rect in size.rect().tiles(side) {
@@ -648,12 +659,17 @@ mod tests {
         let file = RecipeFile::parse("version = 1\nsize = 256\n", "t.toml", None).unwrap();
         let prepared = file
             .recipe()
-            .prepare(file.recipe().size, &Files::default())
+            .prepare(file.recipe().size, &Files::default(), &Progress::none())
             .unwrap();
         let no = |_: u64, _: u64| false;
         assert!(matches!(
             prepared.map(&Progress::new(&no)),
             Err(Error::Cancelled)
         ));
+        let file = RecipeFile::parse(&format!("version = 1\n{MANY}"), "t.toml", None).unwrap();
+        let prepared =
+            file.recipe()
+                .prepare(file.recipe().size, &Files::default(), &Progress::new(&no));
+        assert!(matches!(prepared, Err(Error::Cancelled)));
     }
 }
