@@ -26,7 +26,6 @@ use crate::brdf::Model;
 use crate::error::{Error, Result, nearest_word};
 use crate::map::{Size, Wrap};
 use serde::{Deserialize, Serialize};
-use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
@@ -372,13 +371,9 @@ impl Scene {
     }
 }
 
-/// Holds a number against its range; NaN is in none.
-fn number(
-    what: impl Into<String>,
-    value: impl Into<f64> + Display + Copy,
-    range: RangeInclusive<f64>,
-) -> Result<()> {
-    if range.contains(&value.into()) {
+/// Holds a number against its range, as f32 both: 0.01 as f64 is less than as f32. NaN is in no range.
+fn number(what: impl Into<String>, value: f32, range: RangeInclusive<f32>) -> Result<()> {
+    if range.contains(&value) {
         return Ok(());
     }
     Err(Error::invalid(
@@ -413,6 +408,24 @@ mod tests {
         assert_eq!("png".parse::<Target>().unwrap(), Target::Png16);
         let e = "rgb_exr".parse::<Target>().unwrap_err().to_string();
         assert!(e.contains("Did you mean `rgb-exr`"), "{e}");
+    }
+
+    #[test]
+    fn both_ends_of_every_range_are_allowed() {
+        let text = |aspect, factor, turn, stops| {
+            format!(
+                "version = 1\naspect = {aspect}\n[adjust]\nalpha_x = {factor}\nalpha_y = {factor}\nturn = {turn}\n[scene]\nexposure = {stops}\n"
+            )
+        };
+        for good in [
+            text("0.01", "0.01", "-360", "-16"),
+            text("100", "100", "360", "16"),
+        ] {
+            RecipeFile::parse(&good, "t.toml", None).unwrap();
+        }
+        for bad in [text("0.0099", "1", "0", "0"), text("1", "100.01", "0", "0")] {
+            assert!(RecipeFile::parse(&bad, "t.toml", None).is_err());
+        }
     }
 
     #[test]
