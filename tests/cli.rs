@@ -664,6 +664,41 @@ fn bad_manifests_end_with_2_and_write_nothing() {
 }
 
 #[test]
+fn a_batch_makes_its_folder_first_and_ends_with_3_without_one() {
+    let desk = Desk::new();
+    desk.write(
+        "m.toml",
+        "version = 1\n[[jobs]]\nrecipe = 'pot'\nsizes = [4]\n",
+    );
+    desk.write("file", "in the way");
+    desk.fails("batch m.toml -o file", 3, &["file", "it is a file"]);
+    desk.fails("batch m.toml -o file/out", 3, &["cannot write file/out"]);
+}
+
+#[test]
+fn a_batch_takes_its_mesh_from_the_manifests_folder() {
+    let desk = Desk::new();
+    let job = |mesh: &str| {
+        format!(
+            "version = 1\n[[jobs]]\nrecipe = 'pot'\nsizes = [4]\nformats = ['glb']\nmesh = '{mesh}'\n"
+        )
+    };
+    fs::create_dir(desk.path("mine")).expect("writable");
+    desk.write(
+        "mine/one.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+    );
+    desk.write("mine/m.toml", &job("one.obj"));
+    desk.works("batch mine/m.toml -o maps");
+    desk.write("m.toml", &job("one.obj"));
+    desk.fails("batch m.toml -o out", 2, &["m.toml", "jobs.0", "one.obj"]);
+    desk.write("m.toml", &job("tours"));
+    let words = ["jobs.0: mesh is `tours`", "Did you mean `torus`?"];
+    desk.fails("batch m.toml -o out", 2, &words);
+    assert!(!desk.path("out").exists());
+}
+
+#[test]
 fn completions_are_written_for_every_shell() {
     let desk = Desk::new();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {

@@ -212,7 +212,7 @@ of every swept key.
   sizes = [512, [1024, 512]]    # default: the recipe's own
   seeds = [1, 2, 3]             # default: the recipe's own
   formats = [\"exr\", \"png\"]      # as generate --formats; default: exr
-  mesh = \"sphere\"               # as generate --mesh
+  mesh = \"sphere\"               # as generate --mesh, files from the manifest
 
   [jobs.set]                    # overrides of the whole job, as generate --set
   wrap = \"clamp\"

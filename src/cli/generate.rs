@@ -140,7 +140,7 @@ impl Job {
         };
         let looks = looks(&[], Some(recipe))?;
         let copy = self.copy_of_recipe()?;
-        make_folder(&self.folder).map_err(Error::write(&self.folder))?;
+        make_folder(&self.folder)?;
         let mut made = Made {
             files: Vec::new(),
             round_trip: None,
@@ -274,15 +274,14 @@ impl Job {
     }
 }
 
-fn make_folder(folder: &Path) -> io::Result<()> {
+/// Makes the folder for the files, and those above it, where they are missing.
+pub(super) fn make_folder(folder: &Path) -> Result<()> {
     if folder.is_file() {
-        let kind = io::ErrorKind::NotADirectory;
-        return Err(io::Error::new(
-            kind,
-            "it is a file; give the name of a folder",
-        ));
+        let text = "it is a file; give the name of a folder";
+        let error = io::Error::new(io::ErrorKind::NotADirectory, text);
+        return Err(Error::write(folder)(error));
     }
-    fs::create_dir_all(folder)
+    fs::create_dir_all(folder).map_err(Error::write(folder))
 }
 
 /// Reads a glTF back with the importer and compares it with the map it was made of.

@@ -3,6 +3,7 @@
 use super::{FORMATS, folder_of};
 use crate::cli::generate::{formats, suffixes};
 use anisomap::map::Size;
+use anisomap::mesh;
 use anisomap::recipe::{self, PRESETS, RecipeFile, Target, read_toml};
 use anisomap::{Error, Result};
 use serde::Deserialize;
@@ -203,7 +204,7 @@ impl Crossed {
                 .map(|(k, v)| (k.clone(), v.to_string()))
                 .collect(),
             formats: table.formats,
-            mesh: table.mesh,
+            mesh: table.mesh.map(|w| mesh_word(&w, manifest)).transpose()?,
         })
     }
 
@@ -266,6 +267,34 @@ fn opened(word: &str, manifest: &Path) -> Vec<Opened> {
         Err(_) => stem(),
     };
     vec![(name, Arc::new(result.map_err(|e| e.to_string())))]
+}
+
+/// The mesh that a word means, as a word that means it from the working directory. It is opened once, so that a wrong one is
+/// told before anything is made.
+fn mesh_word(word: &str, manifest: &Path) -> Result<String> {
+    let word = if word.contains(['/', '\\', '.']) {
+        let path = folder_of(manifest).join(word);
+        path.into_os_string().into_string().map_err(|path| {
+            Error::file(path, "its name is no Unicode")
+                .with_hint("Rename the folder of the manifest")
+        })?
+    } else {
+        word.to_owned()
+    };
+    match mesh::open(&word) {
+        Err(Error::Invalid {
+            value,
+            allowed,
+            hint,
+            ..
+        }) => Err(Error::Invalid {
+            what: "mesh".to_owned(),
+            value,
+            allowed,
+            hint,
+        }),
+        opened => opened.map(|_| word),
+    }
 }
 
 impl Sides {

@@ -6,7 +6,7 @@
 mod manifest;
 
 use super::args::BatchArgs;
-use super::generate::{Job, formats};
+use super::generate::{Job, formats, make_folder};
 use super::{Outcome, Result, console};
 use anisomap::Error;
 use anisomap::export::exr::Precision;
@@ -47,6 +47,7 @@ pub(super) fn run(args: BatchArgs) -> Result {
     let started = Instant::now();
     let manifest = Manifest::read(&args.manifest, args.limit)?;
     let items = manifest.items();
+    make_folder(&args.output)?;
     let results = make_all(&items, &args)?;
     let (mut made, mut failures) = (Vec::new(), Vec::new());
     for result in results.into_iter().flatten() {
@@ -205,7 +206,7 @@ impl Summary {
     }
 }
 
-/// The manifest's own folder, from which it names recipes.
+/// The manifest's own folder, from which it names recipes and meshes.
 fn folder_of(manifest: &Path) -> &Path {
     let parent = manifest.parent().filter(|p| !p.as_os_str().is_empty());
     parent.unwrap_or(Path::new("."))
