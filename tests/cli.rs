@@ -277,6 +277,47 @@ fn preview_draws_recipes_maps_and_differences() {
 }
 
 #[test]
+fn a_finished_map_is_drawn_on_the_mesh_and_in_the_colours_it_was_made_with() {
+    let desk = Desk::new();
+    desk.works("generate pot -o m --size 64 --formats exr,glb");
+    let picture = |input: &str| {
+        desk.works(&format!("preview {input} -o p.png --size 64x48"));
+        image::open(desk.path("p.png")).expect("a PNG").into_rgb8()
+    };
+    let off = |a: &image::RgbImage, b: &image::RgbImage| {
+        let steps = a.as_raw().iter().zip(b.as_raw());
+        let sum: u32 = steps.map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
+        sum as f32 / a.as_raw().len() as f32
+    };
+    let recipe = picture("m/pot.toml");
+    assert!(
+        off(&recipe, &picture("m/pot.exr")) < 0.5,
+        "the same but for halves"
+    );
+    assert!(
+        off(&recipe, &picture("m/pot.glb")) < 3.0,
+        "the same but for 8 bits and GGX"
+    );
+    let torus = picture("m/pot.exr --mesh torus");
+    assert!(off(&recipe, &torus) > 3.0, "another mesh would show");
+    // A mesh file is found from the map, and what is missing or outside costs only itself.
+    desk.write(
+        "one.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+    );
+    desk.works("generate pot -o m --size 16 --formats exr --mesh one.obj");
+    let end = desk.run("preview m/pot.exr -o p.png --size 16");
+    assert_eq!(end.code, 0, "{}", end.err);
+    assert!(
+        end.err.contains("torus") && end.err.contains("../one.obj"),
+        "{}",
+        end.err
+    );
+    let end = desk.run("preview m/pot.exr -o p.png --size 16 --allow-outside");
+    assert_eq!((end.code, end.err.as_str()), (0, ""));
+}
+
+#[test]
 fn inspect_ends_with_1_when_something_is_wrong() {
     use exr::prelude::*;
     let desk = Desk::new();

@@ -127,7 +127,7 @@ pub(super) struct PreviewArgs {
     #[arg(short, long, value_name = "FILE")]
     pub(super) output: PathBuf,
     /// Mesh to lay the map over: torus, pot, sphere, plane, cylinder, disc, or a .glb, .gltf or .obj file. Default: the
-    /// recipe's, or torus. Example: --mesh pot
+    /// recipe's, the map's own, or torus. Example: --mesh pot
     #[arg(long, value_name = "MESH")]
     pub(super) mesh: Option<String>,
     /// Models side by side, with commas between: ward, ward-exact, ward-duer, ward-bounded, beckmann, ggx, phong,

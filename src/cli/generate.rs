@@ -147,7 +147,7 @@ impl Job {
             times: Vec::new(),
         };
         let map = made.time("fill", || input::fill(recipe, &files))?;
-        let info = input::info(recipe);
+        let info = input::info(recipe, &files, self.mesh.as_deref(), &self.folder);
         let export = Export::new(&map, &info);
         for &format in &self.formats {
             console::check_cancelled()?;

@@ -3,12 +3,12 @@
 use super::args::RecipeArgs;
 use super::{Result, console};
 use anisomap::Error;
-use anisomap::convention::MapInfo;
+use anisomap::convention::{MapInfo, Reflectance};
 use anisomap::import;
 use anisomap::map::{AnisoMap, Mended, Size};
 use anisomap::mesh::{self, Mesh};
-use anisomap::recipe::{self, Files, Recipe, RecipeFile};
-use std::path::Path;
+use anisomap::recipe::{self, Files, Material, Recipe, RecipeFile, seen_from};
+use std::path::{Path, PathBuf};
 
 /// The mesh of a recipe or map that names none.
 const MESH: &str = "torus";
@@ -42,11 +42,32 @@ pub(super) fn fill(recipe: &Recipe, files: &Files) -> Result<AnisoMap> {
     console::with_progress("filling", |progress| prepared.map(progress))
 }
 
-/// What files say about a recipe's map.
-pub(super) fn info(recipe: &Recipe) -> MapInfo {
+/// What files in `folder` say about a recipe's map, `mesh` being the mesh that the user names.
+pub(super) fn info(recipe: &Recipe, files: &Files, mesh: Option<&str>, folder: &Path) -> MapInfo {
+    let is_path = |word: &str| word.contains(['/', '\\', '.']);
+    // A mesh that cannot be named or is not there is left out: whoever needs it is told when it is opened.
+    let mesh = match (mesh, recipe.mesh.as_deref()) {
+        (Some(word), _) if is_path(word) => seen_from(folder, Path::new(word)).ok(),
+        (None, Some(word)) if is_path(word) => files
+            .resolve("mesh", word)
+            .and_then(|path| seen_from(folder, &path))
+            .ok(),
+        (word, own) => word.or(own).map(str::to_owned),
+    };
+    let Material {
+        diffuse,
+        specular,
+        ambient,
+    } = recipe.material;
     MapInfo {
         name: recipe.name.clone(),
         aspect: recipe.aspect_at(recipe.size),
+        mesh,
+        material: Some(Reflectance {
+            diffuse,
+            specular,
+            ambient,
+        }),
     }
 }
 
@@ -56,11 +77,17 @@ pub(super) fn mesh(named: Option<&str>, recipe: Option<(&Recipe, &Files)>) -> Re
         return mesh::open(word);
     }
     match recipe.and_then(|(r, files)| r.mesh.as_deref().map(|word| (word, files))) {
-        Some((word, files)) if word.contains(['/', '\\', '.']) => {
-            mesh::load(&files.resolve("mesh", word)?)
-        }
-        Some((word, _)) => mesh::open(word),
+        Some((word, files)) => mesh_of_recipe(word, files),
         None => mesh::open(MESH),
+    }
+}
+
+/// The mesh that a file names.
+fn mesh_of_recipe(word: &str, files: &Files) -> Result<Mesh> {
+    if word.contains(['/', '\\', '.']) {
+        mesh::load(&files.resolve("mesh", word)?)
+    } else {
+        mesh::open(word)
     }
 }
 
@@ -71,6 +98,42 @@ pub(super) struct Source {
     pub(super) info: MapInfo,
     /// The recipe and its files, where the input is one.
     pub(super) recipe: Option<(Recipe, Files)>,
+    /// The file and what it may name, where the input is a finished map.
+    place: Option<(PathBuf, Files)>,
+}
+
+impl Source {
+    /// The mesh of the recipe; of a glTF its own; of another map the one it was made for. A map shows itself on any mesh, so
+    /// one that is missing or refused is told and replaced.
+    pub(super) fn mesh(&self) -> Result<Mesh> {
+        let Some((path, files)) = &self.place else {
+            return mesh(None, self.recipe.as_ref().map(|(r, files)| (r, files)));
+        };
+        let is_exr = path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("exr"));
+        let own = match &self.info.mesh {
+            _ if !is_exr => mesh::load(path),
+            Some(word) => mesh_of_recipe(word, files),
+            None => mesh::open(MESH),
+        };
+        own.or_else(|error| {
+            console::complain(&format!("note: drawn on a {MESH}: {error}"));
+            mesh::open(MESH)
+        })
+    }
+
+    /// The colours of the recipe, or those that the map was made with.
+    pub(super) fn material(&self) -> Material {
+        let recorded = self.info.material.map(|r| Material {
+            diffuse: r.diffuse,
+            specular: r.specular,
+            ambient: r.ambient,
+        });
+        let recorded = recorded.filter(|m| m.check().is_ok());
+        let own = self.recipe.as_ref().map(|(recipe, _)| recipe.material);
+        own.or(recorded).unwrap_or_default()
+    }
 }
 
 /// A map by its file, or the map of a recipe.
@@ -94,17 +157,24 @@ pub(super) fn source(word: &str, args: &RecipeArgs, size: Option<Size>) -> Resul
             return Ok(Source {
                 map: fill(&recipe, &files)?,
                 mended: Mended::default(),
-                info: info(&recipe),
+                info: info(&recipe, &files, None, Path::new(".")),
                 recipe: Some((recipe, files)),
+                place: None,
             });
         }
     };
     refuse_overrides(args, size)?;
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    let files = Files {
+        folder: Some(folder.unwrap_or(Path::new(".")).to_owned()),
+        allow_outside: args.allow_outside,
+    };
     Ok(Source {
         map: imported.map,
         mended: imported.mended,
         info: imported.info,
         recipe: None,
+        place: Some((path.to_owned(), files)),
     })
 }
 

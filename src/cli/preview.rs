@@ -42,8 +42,8 @@ pub(super) fn run(args: PreviewArgs) -> Result {
     let named = args.mesh.as_deref().map(anisomap::mesh::open).transpose()?;
     let source = input::source(&args.input, &args.recipe_args, args.map_size)?;
     let recipe = source.recipe.as_ref().map(|(r, files)| (r, files));
-    let mesh = named.map_or_else(|| input::mesh(None, recipe), Ok)?;
-    let material = recipe.map(|(r, _)| r.material).unwrap_or_default();
+    let mesh = named.map_or_else(|| source.mesh(), Ok)?;
+    let material = source.material();
     let mut scene = scene(&mesh, recipe.map(|(r, _)| r));
     if !args.light.is_empty() {
         scene.set_directions(&args.light);

@@ -10,7 +10,7 @@ mod record;
 
 pub use lobe_fit::LobeFit;
 pub(crate) use record::generator;
-pub use record::{Content, MapInfo, MapRecord};
+pub use record::{Content, MapInfo, MapRecord, Reflectance};
 
 use crate::map::Texel;
 use crate::math::Axis;

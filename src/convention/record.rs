@@ -2,7 +2,8 @@
 
 use super::LobeFit;
 use crate::map::{ALPHA_MIN, Wrap};
-use serde::{Deserialize, Serialize};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// What is known of a map besides its texels.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,6 +12,21 @@ pub struct MapInfo {
     pub name: String,
     /// The surface's width over its height for one turn of UV, > 0.
     pub aspect: f32,
+    /// The mesh it was made for: a built-in's name, or a file as seen from the map's folder.
+    pub mesh: Option<String>,
+    /// The colours it was made with.
+    pub material: Option<Reflectance>,
+}
+
+/// The colours that no map holds, linear RGB, 0 to 1 each.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reflectance {
+    /// Ward's rho_d.
+    pub diffuse: [f32; 3],
+    /// Ward's rho_s.
+    pub specular: [f32; 3],
+    /// What is given back of the ambient light.
+    pub ambient: [f32; 3],
 }
 
 impl Default for MapInfo {
@@ -18,6 +34,8 @@ impl Default for MapInfo {
         Self {
             name: "map".to_owned(),
             aspect: 1.0,
+            mesh: None,
+            material: None,
         }
     }
 }
@@ -53,6 +71,20 @@ pub struct MapRecord {
     /// The surface's width over its height for one turn of UV.
     #[serde(default = "one")]
     pub aspect: f32,
+    /// The mesh it was made for, where that is known.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "if_understood"
+    )]
+    pub mesh: Option<String>,
+    /// The colours it was made with, where they are known.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "if_understood"
+    )]
+    pub material: Option<Reflectance>,
     /// The lobe the widths belong to.
     #[serde(default)]
     pub lobe: String,
@@ -75,6 +107,14 @@ pub struct MapRecord {
 
 fn one() -> f32 {
     1.0
+}
+
+/// A value of the shape we know, or none: what another version means by the key costs no more than the key.
+fn if_understood<'de, D: Deserializer<'de>, T: DeserializeOwned>(
+    deserializer: D,
+) -> Result<Option<T>, D::Error> {
+    let value = serde_json::Value::deserialize(deserializer)?;
+    Ok(serde_json::from_value(value).ok())
 }
 
 const ALPHA: &str = "Ward slope widths along the x axis (alpha_x) and across it (alpha_y), linear";
@@ -107,6 +147,8 @@ impl MapRecord {
             recipe: info.name.clone(),
             wrap,
             aspect: info.aspect,
+            mesh: info.mesh.clone(),
+            material: info.material,
             lobe: "ward1992".to_owned(),
             lobe_fit: None,
             alpha,
@@ -144,6 +186,8 @@ impl MapRecord {
         MapInfo {
             name: self.recipe.clone(),
             aspect: if usable { self.aspect } else { 1.0 },
+            mesh: self.mesh.clone(),
+            material: self.material,
         }
     }
 }
@@ -162,15 +206,22 @@ mod tests {
         let info = MapInfo {
             name: "pot \"steel\" \u{1f373}\u{e9}".to_owned(),
             aspect: 2.5,
+            mesh: Some("pot".to_owned()),
+            material: Some(Reflectance {
+                diffuse: [0.1, 0.2, 0.3],
+                specular: [0.4; 3],
+                ambient: [0.0; 3],
+            }),
         };
         let record = MapRecord::new(Content::Map, &info, Wrap::RepeatU);
         let back = MapRecord::from_json(&record.to_json()).unwrap();
         assert_eq!(back, record);
         assert!(record.to_json().is_ascii());
         assert_eq!(back.info(), info);
-        let later = r#"{"version": 7, "content": "map", "aspect": -1, "mood": "good"}"#;
+        let later = r#"{"version": 7, "content": "map", "aspect": -1, "mood": "good", "mesh": 3, "material": {"diffuse": "red"}}"#;
         let later = MapRecord::from_json(later).unwrap();
         assert_eq!((later.wrap, later.info().aspect), (Wrap::Repeat, 1.0));
+        assert_eq!((&later.mesh, later.material), (&None, None));
         assert_eq!(MapRecord::from_json("[]"), None);
     }
 }

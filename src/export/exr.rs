@@ -279,6 +279,7 @@ mod tests {
         MapInfo {
             name: "turned \u{65e5} disc".to_owned(),
             aspect: 1.5,
+            ..MapInfo::default()
         }
     }
 

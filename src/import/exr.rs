@@ -83,6 +83,7 @@ fn finish(path: &Path, part: &Part, planes: [Vec<f32>; 4]) -> Result<Imported> {
         info: info.unwrap_or_else(|| MapInfo {
             name: super::stem(path),
             aspect: part.size.width() as f32 / part.size.height() as f32,
+            ..MapInfo::default()
         }),
     })
 }

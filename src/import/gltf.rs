@@ -61,6 +61,7 @@ pub fn read_gltf(path: &Path) -> Result<Imported> {
         info: info.unwrap_or_else(|| MapInfo {
             name: super::stem(path),
             aspect: size.width() as f32 / size.height() as f32,
+            ..MapInfo::default()
         }),
     })
 }

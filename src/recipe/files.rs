@@ -55,10 +55,60 @@ fn outside(key: &str, name: &str) -> Error {
     .with_hint("If you trust the recipe, pass --allow-outside")
 }
 
+/// What a recipe in `folder` calls a file: the way there, with `/` between, or the whole path where no way leads there.
+///
+/// # Errors
+/// [`Error::Read`] when folder or file is not there; [`Error::File`] when the file's path is no Unicode.
+pub fn seen_from(folder: &Path, file: &Path) -> Result<String> {
+    let real = |path: &Path| path.canonicalize().map_err(Error::read(path));
+    let (from, to) = (real(folder)?, real(file)?);
+    let shared = from
+        .components()
+        .zip(to.components())
+        .take_while(|(a, b)| a == b)
+        .count();
+    let way = if shared == 0 {
+        to // on another drive
+    } else {
+        let up = from.components().skip(shared).map(|_| Component::ParentDir);
+        up.chain(to.components().skip(shared)).collect()
+    };
+    let words: Option<Vec<&str>> = way.iter().map(|part| part.to_str()).collect();
+    match words {
+        Some(words) if shared > 0 => Ok(words.join("/")),
+        Some(_) => Ok(way.to_string_lossy().into_owned()),
+        None => Err(
+            Error::file(file, "a recipe cannot name it: its path is no Unicode")
+                .with_hint("Rename the file or its folders"),
+        ),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::fs;
+
+    #[test]
+    fn a_file_is_named_by_the_way_to_it() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        fs::create_dir_all(path("a/deep")).unwrap();
+        fs::create_dir(path("b")).unwrap();
+        fs::write(path("a/deep/x.exr"), "x").unwrap();
+        for (folder, way) in [
+            ("a", "deep/x.exr"),
+            ("a/deep", "x.exr"),
+            ("b", "../a/deep/x.exr"),
+            ("b/../a", "deep/x.exr"),
+        ] {
+            assert_eq!(
+                seen_from(&path(folder), &path("a/deep/x.exr")).unwrap(),
+                way
+            );
+        }
+        assert!(seen_from(&path("a"), &path("no.exr")).is_err());
+    }
 
     #[test]
     fn files_stay_in_the_recipes_folder_unless_allowed() {

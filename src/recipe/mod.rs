@@ -17,7 +17,7 @@ mod update;
 
 pub use evaluate::Prepared;
 pub use file::{RecipeFile, read_toml};
-pub use files::Files;
+pub use files::{Files, seen_from};
 pub use image::Image;
 pub use layer::{Blend, Channels, Layer, Mask, MaskSource, Source};
 pub use presets::{PRESETS, Preset, open, preset};

@@ -357,6 +357,7 @@ mod tests {
         let info = MapInfo {
             name: "there and back".to_owned(),
             aspect: 2.0,
+            ..MapInfo::default()
         };
         let options = GltfOptions {
             lobe_fit: fit,
