@@ -160,6 +160,50 @@ fn the_recipe_beside_the_maps_makes_them_again_to_the_byte() {
 }
 
 #[test]
+fn the_recipe_beside_the_maps_finds_its_files_and_mesh_again() {
+    let desk = Desk::new();
+    desk.works("generate pot -o mine --size 16 --formats exr --set name=base");
+    desk.write(
+        "mine/one.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+    );
+    let image = "size = 16\n[[layers]]\n[layers.image]\nfile = 'base.exr'\n";
+    desk.write("mine/plain.toml", &format!("version = 1\n{image}"));
+    desk.write(
+        "mine/own.toml",
+        &format!("version = 1\nmesh = 'one.obj'\n{image}"),
+    );
+    for arguments in [
+        "mine/own.toml",
+        "mine/own.toml --mesh sphere",
+        "mine/plain.toml --mesh mine/one.obj",
+    ] {
+        for folder in ["a", "b"] {
+            let _ = fs::remove_dir_all(desk.path(folder));
+        }
+        desk.works(&format!("generate {arguments} -o a --formats exr,glb"));
+        let name = if arguments.contains("own") {
+            "own"
+        } else {
+            "plain"
+        };
+        let end = desk.run(&format!("generate a/{name}.toml -o b --formats exr,glb"));
+        assert_eq!(end.code, 2, "{}", end.err);
+        assert!(end.err.contains("--allow-outside"), "{}", end.err);
+        let copy = fs::read_to_string(desk.path(&format!("a/{name}.toml"))).expect("written");
+        assert!(copy.contains("--allow-outside"), "{copy}");
+        desk.works(&format!(
+            "generate a/{name}.toml -o b --formats exr,glb --allow-outside"
+        ));
+        assert_eq!(desk.files("a"), desk.files("b"));
+        for file in desk.files("a") {
+            let read = |folder: &str| fs::read(desk.path(folder).join(&file)).expect("written");
+            assert!(read("a") == read("b"), "{arguments}: {file} differs");
+        }
+    }
+}
+
+#[test]
 fn thread_counts_do_not_change_a_byte() {
     let desk = Desk::new();
     for threads in ["1", "3"] {

@@ -13,7 +13,7 @@ use anisomap::import::gltf::read_gltf;
 use anisomap::map::{AnisoMap, Size};
 use anisomap::mesh::Mesh;
 use anisomap::preview::Picture;
-use anisomap::recipe::{RecipeFile, Target};
+use anisomap::recipe::{RecipeFile, Target, seen_from};
 use image::ImageEncoder;
 use serde::Serialize;
 use serde_json::json;
@@ -26,6 +26,9 @@ use std::time::{Duration, Instant};
 /// The first line of a recipe's copy, by which a later run knows that it may be replaced.
 const MARK: &str =
     "# The recipe of the maps beside it, written by anisomap. Copy it before you change it.";
+/// The second, where it is true.
+const OUTSIDE: &str =
+    "# It names files outside its folder: generate makes the maps again with --allow-outside.";
 /// The size of the picture beside the maps.
 const PICTURE: (u32, u32) = (960, 720);
 
@@ -139,15 +142,15 @@ impl Job {
             None
         };
         let looks = looks(&[], Some(recipe))?;
-        let copy = self.copy_of_recipe()?;
         make_folder(&self.folder)?;
+        let (copy, mesh_word) = self.copy_of_recipe()?;
         let mut made = Made {
             files: Vec::new(),
             round_trip: None,
             times: Vec::new(),
         };
         let map = made.time("fill", || input::fill(recipe, &files))?;
-        let info = input::info(recipe, &files, self.mesh.as_deref(), &self.folder);
+        let info = input::info(recipe, mesh_word);
         let export = Export::new(&map, &info);
         for &format in &self.formats {
             console::check_cancelled()?;
@@ -175,20 +178,41 @@ impl Job {
         beside(&self.stem(), suffix)
     }
 
-    /// The recipe as it was used, to lie beside the maps; `None` where just that lies there already. A recipe that somebody
-    /// wrote is never written over.
-    fn copy_of_recipe(&self) -> Result<Option<String>> {
+    /// The recipe as it was used, with the mesh that it was used with, as a file of the maps' folder.
+    fn used_recipe(&self) -> Result<RecipeFile> {
+        let mut used = self.file.moved(&self.folder)?;
+        if let Some(word) = &self.mesh {
+            let word = if word.contains(['/', '\\', '.']) {
+                seen_from(&self.folder, Path::new(word))?
+            } else {
+                word.clone()
+            };
+            used.set(&[("mesh", serde_json::Value::from(word).to_string())])?;
+        }
+        Ok(used)
+    }
+
+    /// The text of the recipe to lie beside the maps, and the mesh in it; no text where just that lies there already. A
+    /// recipe that somebody wrote is never written over.
+    fn copy_of_recipe(&self) -> Result<(Option<String>, Option<String>)> {
+        let used = self.used_recipe()?;
+        let mesh = used.recipe().mesh.clone();
+        let text = used.to_toml();
+        let heads = [MARK, OUTSIDE].map(|head| format!("{head}\n"));
+        let plain = heads.iter().fold(text.as_str(), |text, head| {
+            text.strip_prefix(head).unwrap_or(text)
+        });
+        let heads = &heads[..1 + usize::from(used.names_outside())];
+        let marked = format!("{}{plain}", heads.concat());
+        self.may_write(&text, marked).map(|copy| (copy, mesh))
+    }
+
+    /// `marked`, where a copy of the recipe may be written; `None` where `text` is what lies there.
+    fn may_write(&self, text: &str, marked: String) -> Result<Option<String>> {
         let path = self.path(".toml");
-        let text = self.file.to_toml();
-        let marked = if text.starts_with(MARK) {
-            text.clone()
-        } else {
-            format!("{MARK}\n{text}")
-        };
         let there = match fs::read_to_string(&path) {
             Ok(there) => there,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Some(marked)),
-            Err(e) if e.kind() == io::ErrorKind::NotADirectory => return Ok(Some(marked)), // told when it is made
             Err(e) => return Err(Error::write(&path)(e)),
         };
         if there == text {

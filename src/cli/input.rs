@@ -7,7 +7,7 @@ use anisomap::convention::{MapInfo, Reflectance};
 use anisomap::import;
 use anisomap::map::{AnisoMap, Mended, Size};
 use anisomap::mesh::{self, Mesh};
-use anisomap::recipe::{self, Files, Material, Recipe, RecipeFile, seen_from};
+use anisomap::recipe::{self, Files, Material, Recipe, RecipeFile};
 use std::path::{Path, PathBuf};
 
 /// The mesh of a recipe or map that names none.
@@ -42,18 +42,8 @@ pub(super) fn fill(recipe: &Recipe, files: &Files) -> Result<AnisoMap> {
     console::with_progress("filling", |progress| prepared.map(progress))
 }
 
-/// What files in `folder` say about a recipe's map, `mesh` being the mesh that the user names.
-pub(super) fn info(recipe: &Recipe, files: &Files, mesh: Option<&str>, folder: &Path) -> MapInfo {
-    let is_path = |word: &str| word.contains(['/', '\\', '.']);
-    // A mesh that cannot be named or is not there is left out: whoever needs it is told when it is opened.
-    let mesh = match (mesh, recipe.mesh.as_deref()) {
-        (Some(word), _) if is_path(word) => seen_from(folder, Path::new(word)).ok(),
-        (None, Some(word)) if is_path(word) => files
-            .resolve("mesh", word)
-            .and_then(|path| seen_from(folder, &path))
-            .ok(),
-        (word, own) => word.or(own).map(str::to_owned),
-    };
+/// What files say about a recipe's map that was made for `mesh`, named as the files' folder names it.
+pub(super) fn info(recipe: &Recipe, mesh: Option<String>) -> MapInfo {
     let Material {
         diffuse,
         specular,
@@ -157,7 +147,7 @@ pub(super) fn source(word: &str, args: &RecipeArgs, size: Option<Size>) -> Resul
             return Ok(Source {
                 map: fill(&recipe, &files)?,
                 mended: Mended::default(),
-                info: info(&recipe, &files, None, Path::new(".")),
+                info: info(&recipe, None),
                 recipe: Some((recipe, files)),
                 place: None,
             });

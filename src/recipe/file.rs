@@ -1,8 +1,9 @@
 //! The text of a recipe: read strictly, overridden key by key, and written back with every comment in its place.
 
+use super::files::{is_path, leaves_folder, seen_from};
 use super::locate::{Mistake, join, layer_number, table_at};
 use super::update::{document_of, update};
-use super::{Files, Recipe, VERSION};
+use super::{Files, Recipe, Source, VERSION};
 use crate::error::{Error, Result};
 use serde::Deserialize;
 use std::fs;
@@ -132,6 +133,50 @@ impl RecipeFile {
         self.ignored = ignored;
         self.document = document;
         Ok(())
+    }
+
+    /// The same recipe as a file of another folder: the mesh and images that it names are named by the way to them from
+    /// there. What is not there keeps its name, and so does everything in a file of a newer version.
+    ///
+    /// # Errors
+    /// [`Error::Read`] when `folder` is not there.
+    pub fn moved(&self, folder: &Path) -> Result<Self> {
+        let mut moved = self.clone();
+        moved.folder = Some(folder.to_owned());
+        let real = |path: &Path| path.canonicalize().map_err(Error::read(path));
+        let stays = match &self.folder {
+            Some(own) => real(own)? == real(folder)?,
+            None => true, // it may name no files
+        };
+        if stays || self.is_read_only() {
+            return Ok(moved);
+        }
+        let rename = |name: &mut String| {
+            let file = self.folder.as_deref().map(|own| own.join(&*name));
+            if let Some(way) = file.and_then(|file| seen_from(folder, &file).ok()) {
+                *name = way;
+            }
+        };
+        if let Some(mesh) = moved.recipe.mesh.as_mut().filter(|m| is_path(m)) {
+            rename(mesh);
+        }
+        for layer in &mut moved.recipe.layers {
+            if let Source::Image(image) = &mut layer.source {
+                rename(&mut image.file);
+            }
+        }
+        update(moved.document.as_table_mut(), &self.recipe, &moved.recipe);
+        Ok(moved)
+    }
+
+    /// Whether it names a file outside its own folder, which `--allow-outside` is needed for.
+    pub fn names_outside(&self) -> bool {
+        let images = self.recipe.layers.iter().filter_map(|l| match &l.source {
+            Source::Image(image) => Some(image.file.as_str()),
+            Source::Pattern(_) => None,
+        });
+        let mesh = self.recipe.mesh.as_deref().filter(|m| is_path(m));
+        images.chain(mesh).any(leaves_folder)
     }
 
     /// Takes over a changed recipe: only the keys whose values differ are touched in the text.
@@ -606,6 +651,34 @@ mod tests {
             &[("material.diffuse.3", "1")],
             &["material.diffuse is a table", "3 numbers"],
         );
+    }
+
+    #[test]
+    fn a_moved_recipe_names_the_same_files() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        fs::create_dir(path("mine")).unwrap();
+        fs::create_dir(path("out")).unwrap();
+        fs::write(path("mine/a.exr"), "x").unwrap();
+        fs::write(path("mine/lid.obj"), "x").unwrap();
+        for layers in [
+            "[[layers]] # kept\nimage.file = 'a.exr' # too\n[[layers]]\nname = 'b'\nimage.file = 'no.exr'\n",
+            "layers = [{ image = { file = 'a.exr' } }, { name = 'b', image = { file = 'no.exr' } }] # kept\n",
+        ] {
+            let text = format!("version = 1\nmesh = 'lid.obj'\n{layers}");
+            fs::write(path("mine/r.toml"), &text).unwrap();
+            let file = RecipeFile::read(path("mine/r.toml")).unwrap();
+            assert!(!file.names_outside());
+            assert_eq!(file.moved(&path("mine")).unwrap().to_toml(), text);
+            let moved = file.moved(&path("out")).unwrap();
+            let text = moved.to_toml();
+            for part in ["../mine/lid.obj", "../mine/a.exr", "'no.exr'", "# kept"] {
+                assert!(text.contains(part), "no {part} in {text}");
+            }
+            assert!(moved.names_outside());
+            let back = RecipeFile::parse(&text, "r.toml", Some(path("out"))).unwrap();
+            assert_eq!(back.recipe(), moved.recipe());
+        }
     }
 
     #[test]

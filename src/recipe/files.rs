@@ -32,8 +32,7 @@ impl Files {
             return path.canonicalize().map_err(Error::read(&path));
         }
         // Judged by its words first, so that nothing is learned about files outside from the message.
-        let leaves = |c| !matches!(c, Component::Normal(_) | Component::CurDir);
-        if Path::new(name).components().any(leaves) {
+        if leaves_folder(name) {
             return Err(outside(key, name));
         }
         let real = path.canonicalize().map_err(Error::read(&path))?;
@@ -44,6 +43,17 @@ impl Files {
             Err(outside(key, name)) // a link that leads out
         }
     }
+}
+
+/// Whether a word for a mesh means a file.
+pub(super) fn is_path(word: &str) -> bool {
+    word.contains(['/', '\\', '.'])
+}
+
+/// Whether a name leads out of the folder by its words alone.
+pub(super) fn leaves_folder(name: &str) -> bool {
+    let leaves = |c| !matches!(c, Component::Normal(_) | Component::CurDir);
+    Path::new(name).components().any(leaves)
 }
 
 fn outside(key: &str, name: &str) -> Error {
