@@ -568,6 +568,32 @@ fn outputs_that_cannot_be_written_end_with_3() {
 }
 
 #[test]
+fn a_picture_that_cannot_be_drawn_is_refused_before_the_first_file() {
+    let desk = Desk::new();
+    let list = |item: &str, n: usize| vec![item; n].join(", ");
+    desk.write(
+        "lights.toml",
+        &format!(
+            "version = 1\nsize = 4\n[scene]\nlights = [{}]\n",
+            list("[0, 1, 0]", 65)
+        ),
+    );
+    desk.fails("generate lights.toml -o out", 2, &["lights", "at most 64"]);
+    desk.write(
+        "models.toml",
+        &format!(
+            "version = 1\nsize = 4\n[scene]\nmodels = [{}]\n",
+            list("'ward'", 961)
+        ),
+    );
+    desk.fails(
+        "generate models.toml -o out",
+        2,
+        &["side by side", "1 to 960"],
+    );
+}
+
+#[test]
 fn broken_maps_and_meshes_end_with_2_and_a_sentence() {
     let desk = Desk::new();
     for (file, words) in [

@@ -12,7 +12,7 @@ use anisomap::export::{Export, Written, beside, write_atomic};
 use anisomap::import::gltf::read_gltf;
 use anisomap::map::{AnisoMap, Size};
 use anisomap::mesh::Mesh;
-use anisomap::preview::Picture;
+use anisomap::preview::{Picture, panel_size};
 use anisomap::recipe::{RecipeFile, Target, seen_from};
 use image::ImageEncoder;
 use serde::Serialize;
@@ -142,6 +142,14 @@ impl Job {
             None
         };
         let looks = looks(&[], Some(recipe))?;
+        let size = Size::new(PICTURE.0, PICTURE.1)?;
+        if let Some(mesh) = &mesh {
+            mesh.validate()?;
+        }
+        if let (Some(mesh), true) = (&mesh, self.formats.contains(&Target::Preview)) {
+            scene(mesh, Some(recipe)).check()?;
+            panel_size(size, looks.len())?;
+        }
         make_folder(&self.folder)?;
         let (copy, mesh_word) = self.copy_of_recipe()?;
         let mut made = Made {
