@@ -382,9 +382,30 @@ fn inspect_ends_with_1_when_something_is_wrong() {
         .write()
         .to_file(desk.path("nan.exr"))
         .expect("written");
-    let end = desk.run("inspect nan.exr");
-    assert_eq!(end.code, 1, "{}{}", end.out, end.err);
-    assert!(end.out.contains("error"), "{}", end.out);
+    desk.write(
+        "nan.toml",
+        "version = 1\nsize = 4\n[[layers]]\nimage.file = 'nan.exr'\n",
+    );
+    for input in ["nan.exr", "nan.toml"] {
+        let end = desk.run(&format!("inspect {input}"));
+        assert_eq!(end.code, 1, "{}{}", end.out, end.err);
+        assert!(end.out.contains("error"), "{}", end.out);
+        // Who does not inspect is told too.
+        let end = desk.run(&format!("preview {input} -o p.png --size 8 --json"));
+        assert!(
+            end.code == 0 && end.err.contains("4 not finite"),
+            "{}",
+            end.err
+        );
+        let report: Value = serde_json::from_str(&end.out).expect("JSON");
+        assert_eq!(report["mended"]["non_finite"], 4);
+    }
+    let end = desk.run("generate nan.toml -o maps --formats exr");
+    assert!(
+        end.code == 0 && end.err.contains("4 not finite"),
+        "{}",
+        end.err
+    );
 }
 
 #[test]

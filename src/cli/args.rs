@@ -112,7 +112,8 @@ pub(super) struct GenerateArgs {
     /// the recipe's, or torus. Example: --mesh sphere
     #[arg(long, value_name = "MESH")]
     pub(super) mesh: Option<String>,
-    /// JSON for scripts in place of the table: {name, size, seed, files, round_trip, seconds}. Example: --json
+    /// JSON for scripts in place of the table: {name, size, seed, files, round_trip,
+    /// seconds, ignored, mended}. Example: --json
     #[arg(long)]
     pub(super) json: bool,
 }
@@ -156,7 +157,7 @@ pub(super) struct PreviewArgs {
     pub(super) map_size: Option<Size>,
     #[command(flatten)]
     pub(super) recipe_args: RecipeArgs,
-    /// JSON for scripts: {path, bytes, size, models, difference}. Example: --json
+    /// JSON for scripts: {path, bytes, size, models, difference, mended}. Example: --json
     #[arg(long)]
     pub(super) json: bool,
 }
@@ -172,7 +173,7 @@ pub(super) struct InspectArgs {
     pub(super) size: Option<Size>,
     #[command(flatten)]
     pub(super) recipe_args: RecipeArgs,
-    /// JSON for scripts: {name, statistics, findings}. Example: anisomap inspect out/pot.exr --json
+    /// JSON for scripts: {name, aspect, wrap, statistics, mended, findings}. Example: anisomap inspect out/pot.exr --json
     #[arg(long)]
     pub(super) json: bool,
 }
@@ -195,7 +196,8 @@ pub(super) struct BatchArgs {
     /// Let recipes name files outside their own folders. Example: --allow-outside
     #[arg(long)]
     pub(super) allow_outside: bool,
-    /// JSON for scripts in place of the summary: {made, failed, files, bytes, seconds, items, failures}. Example: --json
+    /// JSON for scripts in place of the summary: {asked, made, failed, files, bytes, seconds,
+    /// items, failures}. Example: --json
     #[arg(long)]
     pub(super) json: bool,
 }

@@ -10,7 +10,7 @@ use anisomap::export::gltf::{GltfOptions, GltfReport, write_glb, write_gltf};
 use anisomap::export::png::{Depth, write_set};
 use anisomap::export::{Export, Written, beside, write_atomic};
 use anisomap::import::gltf::read_gltf;
-use anisomap::map::{AnisoMap, Size};
+use anisomap::map::{AnisoMap, Mended, Size};
 use anisomap::mesh::Mesh;
 use anisomap::preview::{Picture, panel_size};
 use anisomap::recipe::{RecipeFile, Target, seen_from};
@@ -49,6 +49,9 @@ pub(super) fn run(args: GenerateArgs) -> Result {
         file,
     };
     let made = job.make()?;
+    if let Some(note) = input::mended_note(made.mended) {
+        console::complain(&note);
+    }
     if args.json {
         console::print_json(&made.to_json(&job))?;
     } else {
@@ -113,6 +116,8 @@ pub(super) struct Job {
 pub(super) struct Made {
     pub(super) files: Vec<Written>,
     round_trip: Option<RoundTrip>,
+    /// What reading the recipe's images had to change.
+    pub(super) mended: Mended,
     /// What took how long, in the order it was done.
     times: Vec<(&'static str, Duration)>,
 }
@@ -155,9 +160,11 @@ impl Job {
         let mut made = Made {
             files: Vec::new(),
             round_trip: None,
+            mended: Mended::default(),
             times: Vec::new(),
         };
-        let map = made.time("fill", || input::fill(recipe, &files))?;
+        let (map, mended) = made.time("fill", || input::fill(recipe, &files))?;
+        made.mended = mended;
         let info = input::info(recipe, mesh_word);
         let export = Export::new(&map, &info);
         for &format in &self.formats {
@@ -411,6 +418,7 @@ impl Made {
             "round_trip": self.round_trip,
             "seconds": seconds,
             "ignored": job.file.ignored(),
+            "mended": self.mended,
         })
     }
 }

@@ -34,12 +34,23 @@ pub(super) fn recipe(word: &str, args: &RecipeArgs, size: Option<Size>) -> Resul
     Ok(file)
 }
 
-/// The map of a recipe, at the recipe's size.
-pub(super) fn fill(recipe: &Recipe, files: &Files) -> Result<AnisoMap> {
+/// The map of a recipe, at the recipe's size, and what reading its images had to change.
+pub(super) fn fill(recipe: &Recipe, files: &Files) -> Result<(AnisoMap, Mended)> {
     let prepared = console::with_progress("preparing", |progress| {
         recipe.prepare(recipe.size, files, progress)
     })?;
-    console::with_progress("filling", |progress| prepared.map(progress))
+    let map = console::with_progress("filling", |progress| prepared.map(progress))?;
+    Ok((map, prepared.mended()))
+}
+
+/// A note that texels of a file were mended, where any were.
+pub(super) fn mended_note(mended: Mended) -> Option<String> {
+    (mended.faults() > 0).then(|| {
+        format!(
+            "note: texels were mended: {} not finite, {} with a width out of range, {} without a direction; inspect tells more",
+            mended.non_finite, mended.out_of_range, mended.no_direction
+        )
+    })
 }
 
 /// What files say about a recipe's map that was made for `mesh`, named as the files' folder names it.
@@ -144,9 +155,10 @@ pub(super) fn source(word: &str, args: &RecipeArgs, size: Option<Size>) -> Resul
             let file = recipe(word, args, size)?;
             let files = file.files(args.allow_outside);
             let recipe = file.recipe().clone();
+            let (map, mended) = fill(&recipe, &files)?;
             return Ok(Source {
-                map: fill(&recipe, &files)?,
-                mended: Mended::default(),
+                map,
+                mended,
                 info: info(&recipe, None),
                 recipe: Some((recipe, files)),
                 place: None,

@@ -41,6 +41,9 @@ pub(super) fn run(args: PreviewArgs) -> Result {
     }
     let named = args.mesh.as_deref().map(anisomap::mesh::open).transpose()?;
     let source = input::source(&args.input, &args.recipe_args, args.map_size)?;
+    if let Some(note) = input::mended_note(source.mended) {
+        console::complain(&note);
+    }
     let recipe = source.recipe.as_ref().map(|(r, files)| (r, files));
     let mesh = named.map_or_else(|| source.mesh(), Ok)?;
     let material = source.material();
@@ -74,6 +77,7 @@ pub(super) fn run(args: PreviewArgs) -> Result {
             "size": [picture.width(), picture.height()],
             "models": looks.iter().map(Look::to_string).collect::<Vec<_>>(),
             "difference": difference,
+            "mended": source.mended,
         }))?;
     } else {
         let path = written.path.display();

@@ -6,8 +6,8 @@ use super::{Channels, Files, Layer, Mask, MaskSource, Recipe, Source};
 use crate::coverage::DrawnMask;
 use crate::error::Result;
 use crate::map::{
-    ALPHA_MAX, ALPHA_MIN, AnisoMap, DEFAULT_TEXEL, Rect, Region, RegionMut, Size, SlopeCovariance,
-    Texel, Wrap, blend,
+    ALPHA_MAX, ALPHA_MIN, AnisoMap, DEFAULT_TEXEL, Mended, Rect, Region, RegionMut, Size,
+    SlopeCovariance, Texel, Wrap, blend,
 };
 use crate::math::{AXIS_MIN_LENGTH, Axis, smoothstep};
 use crate::pattern::{Fill, Patch, Surface};
@@ -34,6 +34,8 @@ struct PreparedLayer {
     channels: Channels,
     source: Box<dyn Fill>,
     mask: Option<PreparedMask>,
+    /// What reading its image had to change.
+    mended: Mended,
 }
 
 struct PreparedMask {
@@ -100,15 +102,19 @@ fn prepare_layer(
     let seed = layer.seed_in(surface.seed);
     let own = Surface { seed, ..*surface };
     let Blend::Mix = layer.blend;
+    let mut mended = Mended::default();
     Ok(PreparedLayer {
         opacity: layer.opacity,
         channels: layer.channels,
         source: match &layer.source {
             Source::Pattern(p) => p.prepare(&own)?,
             Source::Image(image) => {
-                Box::new(image.prepare(&format!("layers.{i}.image.file"), &own, files)?)
+                let laid = image.prepare(&format!("layers.{i}.image.file"), &own, files)?;
+                mended = laid.mended;
+                Box::new(laid)
             }
         },
+        mended,
         mask: match &layer.mask {
             Some(mask) => {
                 progress.check()?;
@@ -187,6 +193,12 @@ impl Prepared {
     /// The size it was prepared for.
     pub fn size(&self) -> Size {
         self.size
+    }
+
+    /// What reading the layers' images had to change for them to be usable.
+    pub fn mended(&self) -> Mended {
+        let all = self.layers.iter().map(|layer| layer.mended);
+        all.fold(Mended::default(), Mended::plus)
     }
 
     /// Fills any rectangle of the map, exactly as the whole would be there.

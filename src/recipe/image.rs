@@ -3,8 +3,9 @@
 use super::Files;
 use crate::error::Result;
 use crate::filter::reduce;
+use crate::import::Imported;
 use crate::import::exr::read_master;
-use crate::map::{AnisoMap, RegionMut, Size};
+use crate::map::{AnisoMap, Mended, RegionMut, Size};
 use crate::pattern::{Fill, Patch, Surface};
 use serde::{Deserialize, Serialize};
 
@@ -21,7 +22,7 @@ impl Image {
     /// between the file's texels.
     pub(super) fn prepare(&self, key: &str, surface: &Surface, files: &Files) -> Result<Laid> {
         let path = files.resolve(key, &self.file)?;
-        let map = read_master(&path)?.map;
+        let Imported { map, mended, .. } = read_master(&path)?;
         let kept = Size::new(
             map.width().min(surface.size.width()),
             map.height().min(surface.size.height()),
@@ -33,6 +34,7 @@ impl Image {
                 reduce(&map, kept)?
             },
             size: surface.size,
+            mended,
         })
     }
 }
@@ -41,6 +43,8 @@ impl Image {
 pub(super) struct Laid {
     map: AnisoMap,
     size: Size,
+    /// What reading the file had to change.
+    pub(super) mended: Mended,
 }
 
 impl Fill for Laid {
@@ -113,6 +117,7 @@ mod tests {
                 map
             },
             size,
+            mended: Mended::default(),
         };
         let mut out = AnisoMap::constant(size, Wrap::Clamp, DEFAULT_TEXEL);
         let (mut coverage, mut value) = (vec![0.0; size.texels()], vec![0.0; size.texels()]);

@@ -7,9 +7,10 @@ mod manifest;
 
 use super::args::BatchArgs;
 use super::generate::{Job, formats, make_folder};
-use super::{Outcome, Result, console};
+use super::{Outcome, Result, console, input};
 use anisomap::Error;
 use anisomap::export::exr::Precision;
+use anisomap::map::Mended;
 use anisomap::recipe::Target;
 use indicatif::ProgressBar;
 use manifest::{Item, Manifest};
@@ -39,6 +40,7 @@ struct Success {
     name: String,
     files: usize,
     bytes: u64,
+    mended: Mended,
 }
 
 pub(super) fn run(args: BatchArgs) -> Result {
@@ -62,6 +64,10 @@ pub(super) fn run(args: BatchArgs) -> Result {
         failures,
         seconds: started.elapsed().as_secs_f64(),
     };
+    let mended = summary.made.iter().map(|s| s.mended);
+    if let Some(note) = input::mended_note(mended.fold(Mended::default(), Mended::plus)) {
+        console::complain(&note);
+    }
     summary.print(args.json)?;
     console::check_cancelled()?;
     Ok(if summary.failures.is_empty() {
@@ -156,6 +162,7 @@ fn make(item: &Item, args: &BatchArgs) -> Result<Success, Option<Failure>> {
             name: item.name.clone(),
             files: made.files.len(),
             bytes: made.files.iter().map(|f| f.bytes).sum(),
+            mended: made.mended,
         }),
         Err(Error::Cancelled) => Err(None),
         Err(error) => Err(failure(error.to_string())),
