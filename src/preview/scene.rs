@@ -28,7 +28,7 @@ pub enum Light {
     Point {
         /// Where it stands.
         position: Vec3,
-        /// Irradiance at distance 1, linear RGB, 0 to 1e6 each.
+        /// Irradiance at distance 1, linear RGB, 0 to 1e24 each.
         intensity: [f32; 3],
     },
 }
@@ -58,7 +58,13 @@ impl Light {
                 "allowed: three finite numbers, for a direction not all 0",
             ));
         }
-        colour(&format!("lights.{i}.{power_name}"), power, 1e6)
+        // A lamp's intensity grows with the square of the scene: a sheet in millimetres needs millions.
+        let most = if matches!(self, Self::Point { .. }) {
+            1e24
+        } else {
+            1e6
+        };
+        colour(&format!("lights.{i}.{power_name}"), power, most)
     }
 }
 
@@ -343,6 +349,24 @@ mod tests {
             exposure: 0.0,
             background: Background::default(),
             samples: 2,
+        }
+    }
+
+    #[test]
+    fn flat_meshes_of_every_size_can_be_lit() {
+        for scale in [1e-4f32, 1.0, 1e3, 1e6, 1e9] {
+            for mut mesh in [crate::mesh::plane(), crate::mesh::disc()] {
+                mesh.positions.iter_mut().for_each(|p| *p *= scale);
+                for rig in [Rig::Studio, Rig::Key, Rig::Lamp] {
+                    let scene = Scene::with_rig(&mesh, rig);
+                    assert!(
+                        scene.check().is_ok(),
+                        "{} at {scale}: {:?}",
+                        mesh.name,
+                        scene.check()
+                    );
+                }
+            }
         }
     }
 

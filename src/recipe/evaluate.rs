@@ -510,7 +510,7 @@ mod tests {
             let at = |side: u32| {
                 let size = Size::new(side, side).unwrap();
                 file.recipe()
-                    .prepare(size, &Files::default())
+                    .prepare(size, &Files::default(), &Progress::none())
                     .unwrap()
                     .map(&Progress::none())
                     .unwrap()
