@@ -542,7 +542,11 @@ fn a_recipe_reads_files_of_its_own_folder_only_unless_allowed() {
         |path: &str| desk.json(&format!("inspect {path} --json"))["statistics"].to_string();
     assert_eq!(widths("same/inside.exr"), widths("maps/base.exr"));
     desk.write("mine/outside.toml", &recipe("../maps/base.exr"));
-    let words = ["layers.0.image.file", "../maps/base.exr", "--allow-outside"];
+    let words = [
+        "mine/outside.toml: line 5: layers.0.image.file",
+        "../maps/base.exr",
+        "--allow-outside",
+    ];
     desk.fails("generate mine/outside.toml -o out", 2, &words);
     desk.works("generate mine/outside.toml -o allowed --formats exr --allow-outside");
     desk.write(
@@ -552,10 +556,30 @@ fn a_recipe_reads_files_of_its_own_folder_only_unless_allowed() {
     desk.fails(
         "generate mine/mesh.toml -o out",
         2,
-        &["mesh", "../secret.glb", "--allow-outside"],
+        &[
+            "mine/mesh.toml: line 3: mesh",
+            "../secret.glb",
+            "--allow-outside",
+        ],
+    );
+    desk.write("mine/word.toml", "version = 1\nsize = 4\nmesh = 'tours'\n");
+    desk.fails(
+        "generate mine/word.toml -o out",
+        2,
+        &[
+            "mine/word.toml: line 3: mesh is `tours`",
+            "Did you mean `torus`?",
+        ],
     );
     desk.write("mine/missing.toml", &recipe("no.exr"));
-    desk.fails("inspect mine/missing.toml", 2, &["cannot read", "no.exr"]);
+    desk.fails(
+        "inspect mine/missing.toml",
+        2,
+        &[
+            "mine/missing.toml: line 5: layers.0.image.file is `no.exr`",
+            "cannot read mine/no.exr",
+        ],
+    );
 }
 
 #[test]

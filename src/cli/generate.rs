@@ -142,7 +142,7 @@ impl Job {
         let files = self.file.files(self.allow_outside);
         let needs_mesh = [Target::Glb, Target::Gltf, Target::Preview];
         let mesh = if self.formats.iter().any(|f| needs_mesh.contains(f)) {
-            Some(input::mesh(self.mesh.as_deref(), Some((recipe, &files)))?)
+            Some(input::mesh(self.mesh.as_deref(), &self.file, &files)?)
         } else {
             None
         };
@@ -163,7 +163,7 @@ impl Job {
             mended: Mended::default(),
             times: Vec::new(),
         };
-        let (map, mended) = made.time("fill", || input::fill(recipe, &files))?;
+        let (map, mended) = made.time("fill", || input::fill(&self.file, &files))?;
         made.mended = mended;
         let info = input::info(recipe, mesh_word);
         let export = Export::new(&map, &info);

@@ -35,10 +35,12 @@ pub(super) fn recipe(word: &str, args: &RecipeArgs, size: Option<Size>) -> Resul
 }
 
 /// The map of a recipe, at the recipe's size, and what reading its images had to change.
-pub(super) fn fill(recipe: &Recipe, files: &Files) -> Result<(AnisoMap, Mended)> {
+pub(super) fn fill(file: &RecipeFile, files: &Files) -> Result<(AnisoMap, Mended)> {
+    let recipe = file.recipe();
     let prepared = console::with_progress("preparing", |progress| {
         recipe.prepare(recipe.size, files, progress)
-    })?;
+    })
+    .map_err(|e| file.explain(e))?;
     let map = console::with_progress("filling", |progress| prepared.map(progress))?;
     Ok((map, prepared.mended()))
 }
@@ -73,23 +75,33 @@ pub(super) fn info(recipe: &Recipe, mesh: Option<String>) -> MapInfo {
 }
 
 /// The mesh that the user names, or else the recipe.
-pub(super) fn mesh(named: Option<&str>, recipe: Option<(&Recipe, &Files)>) -> Result<Mesh> {
-    if let Some(word) = named {
-        return mesh::open(word);
-    }
-    match recipe.and_then(|(r, files)| r.mesh.as_deref().map(|word| (word, files))) {
-        Some((word, files)) => mesh_of_recipe(word, files),
-        None => mesh::open(MESH),
+pub(super) fn mesh(named: Option<&str>, file: &RecipeFile, files: &Files) -> Result<Mesh> {
+    match (named, file.recipe().mesh.as_deref()) {
+        (Some(word), _) => mesh::open(word),
+        (None, Some(word)) => named_mesh(word, files).map_err(|e| file.explain(e)),
+        (None, None) => mesh::open(MESH),
     }
 }
 
-/// The mesh that a file names.
-fn mesh_of_recipe(word: &str, files: &Files) -> Result<Mesh> {
+/// The mesh that a recipe or map names.
+fn named_mesh(word: &str, files: &Files) -> Result<Mesh> {
     if word.contains(['/', '\\', '.']) {
-        mesh::load(&files.resolve("mesh", word)?)
-    } else {
-        mesh::open(word)
+        return mesh::load(&files.resolve("mesh", word)?);
     }
+    mesh::open(word).map_err(|error| match error {
+        Error::Invalid {
+            value,
+            allowed,
+            hint,
+            ..
+        } => Error::Invalid {
+            what: "mesh".to_owned(),
+            value,
+            allowed,
+            hint,
+        },
+        other => other,
+    })
 }
 
 /// A map and where it came from.
@@ -98,7 +110,7 @@ pub(super) struct Source {
     pub(super) mended: Mended,
     pub(super) info: MapInfo,
     /// The recipe and its files, where the input is one.
-    pub(super) recipe: Option<(Recipe, Files)>,
+    pub(super) recipe: Option<(RecipeFile, Files)>,
     /// The file and what it may name, where the input is a finished map.
     place: Option<(PathBuf, Files)>,
 }
@@ -107,15 +119,18 @@ impl Source {
     /// The mesh of the recipe; of a glTF its own; of another map the one it was made for. A map shows itself on any mesh, so
     /// one that is missing or refused is told and replaced.
     pub(super) fn mesh(&self) -> Result<Mesh> {
+        if let Some((file, files)) = &self.recipe {
+            return mesh(None, file, files);
+        }
         let Some((path, files)) = &self.place else {
-            return mesh(None, self.recipe.as_ref().map(|(r, files)| (r, files)));
+            return mesh::open(MESH);
         };
         let is_exr = path
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("exr"));
         let own = match &self.info.mesh {
             _ if !is_exr => mesh::load(path),
-            Some(word) => mesh_of_recipe(word, files),
+            Some(word) => named_mesh(word, files),
             None => mesh::open(MESH),
         };
         own.or_else(|error| {
@@ -132,7 +147,7 @@ impl Source {
             ambient: r.ambient,
         });
         let recorded = recorded.filter(|m| m.check().is_ok());
-        let own = self.recipe.as_ref().map(|(recipe, _)| recipe.material);
+        let own = self.recipe.as_ref().map(|(file, _)| file.recipe().material);
         own.or(recorded).unwrap_or_default()
     }
 }
@@ -154,13 +169,12 @@ pub(super) fn source(word: &str, args: &RecipeArgs, size: Option<Size>) -> Resul
         _ => {
             let file = recipe(word, args, size)?;
             let files = file.files(args.allow_outside);
-            let recipe = file.recipe().clone();
-            let (map, mended) = fill(&recipe, &files)?;
+            let (map, mended) = fill(&file, &files)?;
             return Ok(Source {
                 map,
                 mended,
-                info: info(&recipe, None),
-                recipe: Some((recipe, files)),
+                info: info(file.recipe(), None),
+                recipe: Some((file, files)),
                 place: None,
             });
         }

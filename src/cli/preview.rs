@@ -44,16 +44,16 @@ pub(super) fn run(args: PreviewArgs) -> Result {
     if let Some(note) = input::mended_note(source.mended) {
         console::complain(&note);
     }
-    let recipe = source.recipe.as_ref().map(|(r, files)| (r, files));
+    let recipe = source.recipe.as_ref().map(|(file, _)| file.recipe());
     let mesh = named.map_or_else(|| source.mesh(), Ok)?;
     let material = source.material();
-    let mut scene = scene(&mesh, recipe.map(|(r, _)| r));
+    let mut scene = scene(&mesh, recipe);
     if !args.light.is_empty() {
         scene.set_directions(&args.light);
     }
     scene.exposure = args.exposure.unwrap_or(scene.exposure);
     scene.samples = args.samples.unwrap_or(scene.samples);
-    let looks = looks(&args.model, recipe.map(|(r, _)| r))?;
+    let looks = looks(&args.model, recipe)?;
     let shown = Shown {
         mesh: &mesh,
         map: &source.map,

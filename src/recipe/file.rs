@@ -179,6 +179,17 @@ impl RecipeFile {
         images.chain(mesh).any(leaves_folder)
     }
 
+    /// An error about a key of the recipe, told with its file and line; any other as it is.
+    pub fn explain(&self, error: Error) -> Error {
+        let text = self.to_toml();
+        match (error, Document::parse(text.as_str())) {
+            (error @ Error::Invalid { .. }, Ok(document)) => {
+                Mistake::of_value(&document, error).in_file(&self.path)
+            }
+            (error, _) => error,
+        }
+    }
+
     /// Takes over a changed recipe: only the keys whose values differ are touched in the text.
     ///
     /// # Errors
@@ -533,6 +544,14 @@ mod tests {
             ],
         );
         fails(
+            "version = 1\n[[layers]]\n[layers.pot]\nbands = 5000000000",
+            &["line 4", "bands", "a whole number from 0 to 200"],
+        );
+        fails(
+            "version = 1\n[[layers]]\n[layers.mask.weave]\nwarp.twist = 'x'\n[layers.constant]",
+            &["line 4", "warp.twist", "a number from -60 to 60"],
+        );
+        fails(
             "version = 1\n[[layers]]\nconstant = {}\n[[layers]]\nconstant = {}",
             &["layers.1.name", "`constant`", "a `name` of its own"],
         );
@@ -637,6 +656,9 @@ mod tests {
             &["--set layers.base.opacity=much", "a number"],
         );
         fails(&[("name.x", "1")], &["not a table"]);
+        fails(&[("layers.0", "3")], &["layers.0", "layers.0.opacity"]);
+        fails(&[("size", "[8, 8, 8]")], &["size is a list of 3", "[W, H]"]);
+        fails(&[("size", "[8]")], &["size is a list of 1"]);
         fails(&[("", "1")], &["words with dots"]);
         let deep = ["a"; 100_000].join(".");
         fails(&[(deep.as_str(), "1")], &["words with dots"]);

@@ -17,8 +17,7 @@ impl Files {
     /// The path of the file that the recipe calls `name` under `key`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when there is no folder, or the file lies outside it and that is not allowed; [`Error::Read`]
-    /// when it is not there.
+    /// [`Error::Invalid`] when there is no folder, the file lies outside it and that is not allowed, or it is not there.
     pub fn resolve(&self, key: &str, name: &str) -> Result<PathBuf> {
         let Some(folder) = &self.folder else {
             return Err(Error::invalid(
@@ -29,13 +28,13 @@ impl Files {
         };
         let path = folder.join(name);
         if self.allow_outside {
-            return path.canonicalize().map_err(Error::read(&path));
+            return found(key, name, &path);
         }
         // Judged by its words first, so that nothing is learned about files outside from the message.
         if leaves_folder(name) {
             return Err(outside(key, name));
         }
-        let real = path.canonicalize().map_err(Error::read(&path))?;
+        let real = found(key, name, &path)?;
         let folder = folder.canonicalize().map_err(Error::read(folder))?;
         if real.starts_with(folder) {
             Ok(real)
@@ -43,6 +42,14 @@ impl Files {
             Err(outside(key, name)) // a link that leads out
         }
     }
+}
+
+/// The real path of a file that is there.
+fn found(key: &str, name: &str, path: &Path) -> Result<PathBuf> {
+    path.canonicalize().map_err(|e| {
+        let allowed = format!("allowed: a file that is there ({})", Error::read(path)(e));
+        Error::invalid(key, format!("`{name}`"), allowed)
+    })
 }
 
 /// Whether a word for a mesh means a file.
@@ -145,7 +152,8 @@ mod tests {
             assert!(files(true).resolve("k", name).is_ok(), "{name}");
         }
         let missing = files(false).resolve("k", "no.exr").unwrap_err();
-        assert!(matches!(missing, Error::Read { .. }));
+        assert!(missing.to_string().contains("k is `no.exr`"), "{missing}");
+        assert!(missing.to_string().contains("cannot read"), "{missing}");
         let unsaved = Files::default().resolve("k", "deep/a.exr").unwrap_err();
         assert!(unsaved.to_string().contains("preset"));
     }

@@ -397,13 +397,13 @@ pub(super) mod size {
                 self,
                 mut seq: A,
             ) -> Result<Self::Value, A::Error> {
-                let sides = [seq.next_element()?, seq.next_element()?];
-                match (sides, seq.next_element::<i64>()?) {
-                    ([Some(w), Some(h)], None) => Ok([w, h]),
-                    _ => Err(A::Error::invalid_length(
-                        sides.iter().flatten().count(),
-                        &self,
-                    )),
+                let mut sides = Vec::new();
+                while let Some(side) = seq.next_element()? {
+                    sides.push(side);
+                }
+                match sides[..] {
+                    [w, h] => Ok([w, h]),
+                    _ => Err(A::Error::invalid_length(sides.len(), &self)),
                 }
             }
         }

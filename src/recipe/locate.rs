@@ -234,7 +234,12 @@ fn reword(path: &str, message: &str) -> (String, Option<String>) {
             .and_then(|m| m.split_once(", expected "))
         {
             let is = is.replace("map", "a table").replace("sequence", "a list");
-            let text = format!("{path} is the {is}; allowed: {}", plain(expected));
+            let is = match prefix {
+                "invalid length " => format!("a list of {is}"),
+                _ => is,
+            };
+            let range = range_of(path).unwrap_or_default();
+            let text = format!("{path} is the {is}; allowed: {}", plain(expected, &range));
             return (
                 text.replace("is the an ", "is an ")
                     .replace("is the a ", "is a "),
@@ -254,13 +259,28 @@ fn reword(path: &str, message: &str) -> (String, Option<String>) {
     (format!("{whose}{message}"), None)
 }
 
-/// What serde expected, in words for somebody who does not know Rust.
-fn plain(expected: &str) -> String {
+/// The range of a pattern's parameter, as ` from 0 to 200`; `path` ends with the pattern's name and the parameter's key.
+fn range_of(path: &str) -> Option<String> {
+    let (pattern, key) = Pattern::NAMES.iter().find_map(|name| {
+        let (_, key) = path.split_once(&format!(".{name}."))?;
+        let pattern: Pattern = toml::from_str(&format!("[{name}]")).ok()?;
+        Some((pattern, key))
+    })?;
+    let parameter = pattern.parameters().iter().find(|p| p.key == key)?;
+    let range = &parameter.range;
+    Some(format!(" from {} to {}", range.start(), range.end()))
+}
+
+/// What serde expected, in words for somebody who does not know Rust; `range` follows a number.
+fn plain(expected: &str, range: &str) -> String {
     let expected = expected.trim_matches('`');
     match expected {
-        "f32" | "f64" => "a number",
-        "i8" | "i16" | "i32" | "i64" => "a whole number",
-        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, not negative",
+        "f32" | "f64" => return format!("a number{range}"),
+        "i8" | "i16" | "i32" | "i64" => return format!("a whole number{range}"),
+        "u8" | "u16" | "u32" | "u64" | "usize" if range.is_empty() => {
+            "a whole number, not negative"
+        }
+        "u8" | "u16" | "u32" | "u64" | "usize" => return format!("a whole number{range}"),
         "a boolean" => "true or false",
         "a string" | "string" | "str" => "text in quotes",
         "a sequence" => "a list",
@@ -324,8 +344,14 @@ pub(super) fn table_at<'a>(
 
 /// The element of a list of tables that a number or a name means.
 fn element(list: &toml_edit::ArrayOfTables, part: Option<&str>) -> Result<usize, Error> {
+    let Some(part) = part else {
+        return Err(Error::invalid(
+            "a layer",
+            "a table of its own",
+            "allowed: one of its keys, as in layers.0.opacity",
+        ));
+    };
     let names: Vec<String> = list.iter().map(name_of).collect();
-    let part = part.unwrap_or_default();
     if let Ok(n) = part.parse::<usize>()
         && n < list.len()
     {

@@ -316,7 +316,7 @@ fn check_name(name: &str) -> Result<()> {
     Err(Error::invalid(
         "name",
         format!("{name:?}"),
-        "allowed: up to 64 letters, digits, spaces and `.`, `_`, `-`, beginning with a letter or digit, since files are named after it",
+        "allowed: letters, digits, spaces and `.`, `_`, `-`, 64 bytes at most (a letter outside ASCII has 2 to 4), beginning with a letter, a digit or `_`, since files are named after it",
     ))
 }
 
@@ -433,6 +433,18 @@ mod tests {
         for bad in ["../up", "a/b", ".hidden", "a\\b", "a\nb", "nul\0", "-o"] {
             assert!(check_name(bad).is_err(), "{bad:?}");
         }
-        assert!(check_name("brushed gold v1.2_a-b").is_ok());
+        for good in [
+            "brushed gold v1.2_a-b",
+            "_x",
+            &"a".repeat(64),
+            &"\u{e4}".repeat(32),
+        ] {
+            assert!(check_name(good).is_ok(), "{good}");
+        }
+        let e = check_name(&"\u{e4}".repeat(33)).unwrap_err().to_string();
+        assert!(
+            e.contains("64 bytes") && e.contains("a digit or `_`"),
+            "{e}"
+        );
     }
 }
