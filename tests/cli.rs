@@ -855,6 +855,31 @@ fn a_batch_takes_its_mesh_from_the_manifests_folder() {
 }
 
 #[test]
+fn the_help_of_json_names_every_key() {
+    let desk = Desk::new();
+    desk.write(
+        "m.toml",
+        "version = 1\n[[jobs]]\nrecipe = 'pot'\nsizes = [4]\n",
+    );
+    for (command, arguments) in [
+        ("generate", "pot -o maps --size 4 --formats exr"),
+        ("preview", "pot -o p.png --map-size 4 --size 8"),
+        ("inspect", "pot --size 4"),
+        ("batch", "m.toml -o maps"),
+    ] {
+        let help = desk.works(&format!("{command} --help"));
+        let help = help.split("--json").nth(1).expect("the option's help");
+        let report = desk.json(&format!("{command} {arguments} --json"));
+        for key in report.as_object().expect("an object").keys() {
+            assert!(
+                help.contains(key.as_str()),
+                "{command} --json: {key} in {help}"
+            );
+        }
+    }
+}
+
+#[test]
 fn completions_are_written_for_every_shell() {
     let desk = Desk::new();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {

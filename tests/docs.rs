@@ -1,7 +1,7 @@
 //! Holds the documents to the program: parameter tables, presets, and the files that the text names.
 
 use anisomap::pattern::Pattern;
-use anisomap::recipe::PRESETS;
+use anisomap::recipe::{PRESETS, Target};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -75,6 +75,33 @@ fn formats_md_states_every_parameter() {
         text[from..to] == want,
         "docs/formats.md is out of date; rewrite it with ANISOMAP_UPDATE_GOLDEN=1 cargo test --test docs"
     );
+}
+
+#[test]
+fn formats_md_names_every_target_and_every_key_of_a_full_recipe() {
+    let text = fs::read_to_string(root().join("docs/formats.md")).expect("docs/formats.md");
+    let targets = text.lines().find(|l| l.starts_with("targets = "));
+    let targets = targets.expect("an example of targets");
+    for target in Target::ALL {
+        assert!(targets.contains(target.name()), "{}", target.name());
+    }
+    let mask = text
+        .split("[layers.mask]")
+        .nth(1)
+        .expect("an example of a mask");
+    for key in [
+        "invert", "low", "high", "feather", "seed", "polygon", "path",
+    ] {
+        let mask = mask.split("```").next().unwrap_or_default();
+        assert!(mask.contains(&format!("{key} = ")), "{key}");
+    }
+    let manifest = text
+        .split("## Manifest")
+        .nth(1)
+        .expect("the manifest's section");
+    for key in ["recipe", "recipes", "sizes", "seeds", "formats", "mesh"] {
+        assert!(manifest.contains(&format!("\n{key} = ")), "{key}");
+    }
 }
 
 #[test]
