@@ -14,6 +14,8 @@ use toml_edit::{Array, Document, DocumentMut, Item, Table, TableLike, Value};
 const BYTES_MAX: u64 = 64 << 20;
 /// The most unknown keys that a newer file may have: each costs one more reading.
 const IGNORED_MAX: usize = 200;
+/// The most bytes that all those readings together may take: a second's work.
+const REREAD_MAX: usize = 256 << 20;
 /// The deepest key that an override may name.
 const DEPTH_MAX: usize = 16;
 
@@ -307,8 +309,11 @@ fn lenient(text: &str) -> std::result::Result<(Recipe, Vec<String>), Mistake> {
             Err(mistake) => mistake,
         };
         let mut shorter = document.clone().into_mut();
-        if ignored.len() == IGNORED_MAX {
-            let text = format!("more than {IGNORED_MAX} keys are not known to this version");
+        if ignored.len() == IGNORED_MAX.min(REREAD_MAX / text.len().max(1)) {
+            let text = format!(
+                "more than {} keys are not known to this version, too many for a file of this length",
+                ignored.len()
+            );
             return Err(Mistake { text, ..mistake });
         }
         if !mistake.unknown || !take_away(shorter.as_table_mut(), &mistake.path) {
@@ -581,6 +586,9 @@ mod tests {
         fails("version = 2\nsize = 0", &["line 2"]);
         let many: String = (0..500).map(|i| format!("k{i} = 1\n")).collect();
         fails(&format!("version = 2\n{many}"), &["more than 200 keys"]);
+        // A long one costs more at each reading, so fewer are passed over.
+        let long = format!("version = 2\n{many}# {}\n", "x".repeat(30 << 20));
+        fails(&long, &["more than 8 keys"]);
     }
 
     #[test]
