@@ -206,21 +206,24 @@ fn the_recipe_beside_the_maps_finds_its_files_and_mesh_again() {
 #[test]
 fn thread_counts_do_not_change_a_byte() {
     let desk = Desk::new();
+    let presets = [
+        "scratched_steel",
+        "pot",
+        "vinyl_record",
+        "satin",
+        "varnished_wood",
+    ];
     for threads in ["1", "3"] {
-        Command::new(env!("CARGO_BIN_EXE_anisomap"))
-            .args([
-                "generate",
-                "scratched_steel",
-                "--size",
-                "200x130",
-                "-o",
-                threads,
-            ])
-            .current_dir(desk.folder.path())
-            .env("RAYON_NUM_THREADS", threads)
-            .assert()
-            .success();
+        for preset in presets {
+            Command::new(env!("CARGO_BIN_EXE_anisomap"))
+                .args(["generate", preset, "--size", "200x130", "-o", threads])
+                .current_dir(desk.folder.path())
+                .env("RAYON_NUM_THREADS", threads)
+                .assert()
+                .success();
+        }
     }
+    assert!(desk.files("1").len() >= 8 * presets.len());
     for file in desk.files("1") {
         let read = |folder: &str| fs::read(desk.path(folder).join(&file)).expect("written");
         assert!(read("1") == read("3"), "{file} differs");

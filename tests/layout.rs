@@ -91,11 +91,44 @@ fn names_after(prefix: &str, code: &str) -> Vec<String> {
     names
 }
 
+/// The code without its comments: from `//` on, unless that stands in a string, as a URL's does.
 fn without_comments(code: &str) -> String {
     code.lines()
-        .map(|l| l.split("//").next().unwrap_or_default())
+        .map(code_of_line)
         .collect::<Vec<_>>()
         .join("\n")
+}
+
+fn code_of_line(line: &str) -> &str {
+    let (mut in_string, mut escaped, mut before) = (false, false, ' ');
+    for (i, c) in line.char_indices() {
+        match c {
+            _ if escaped => escaped = false,
+            '\\' => escaped = true,
+            '"' if before != '\'' => in_string = !in_string,
+            '/' if !in_string && line[i..].starts_with("//") => return &line[..i],
+            _ => {}
+        }
+        before = c;
+    }
+    line
+}
+
+/// The modules that a file in `depth` modules below `src` reaches by `super::`: of `src/a/b.rs`, `super::super::x` is
+/// `crate::x`. Modules inside a file (its tests) are one deeper, so what they reach through one `super` more counts too.
+fn names_through_supers(depth: usize, code: &str) -> Vec<String> {
+    [depth, depth + 1]
+        .into_iter()
+        .flat_map(|n| names_after(&"super::".repeat(n), code))
+        .filter(|name| name != "super")
+        .collect()
+}
+
+/// How many modules deep a file lies: `src/a.rs` and `src/a/mod.rs` 1, `src/a/b.rs` 2.
+fn depth(path: &Path, src: &Path) -> usize {
+    let relative = path.strip_prefix(src).expect("below src");
+    let parts = relative.components().count();
+    parts - usize::from(relative.ends_with("mod.rs"))
 }
 
 #[test]
@@ -122,7 +155,9 @@ fn modules_import_only_from_above() {
         let rank = |m: &str| ORDER.iter().position(|o| *o == m);
         let own = rank(&from)
             .unwrap_or_else(|| panic!("{} belongs to no module of the order", path.display()));
-        for name in names_after("crate::", &code) {
+        let mut names = names_after("crate::", &code);
+        names.extend(names_through_supers(depth(&path, &src), &code));
+        for name in names {
             let Some(used) = rank(&name) else { continue };
             assert!(
                 used <= own,
@@ -172,4 +207,18 @@ fn the_reader_of_imports_reads_them() {
         "use crate::{map::{Texel, Size}, error};\nlet x = crate::math::exp(1.0);",
     );
     assert_eq!(names, ["map", "error", "math"]);
+}
+
+#[test]
+fn the_reader_of_imports_is_not_led_astray() {
+    let code =
+        "let url = \"https://x\"; use crate::map::Size; // crate::cli\nlet c = '\"'; // crate::gui";
+    assert_eq!(names_after("crate::", &without_comments(code)), ["map"]);
+    let src = Path::new("src");
+    assert_eq!(depth(Path::new("src/a.rs"), src), 1);
+    assert_eq!(depth(Path::new("src/a/mod.rs"), src), 1);
+    assert_eq!(depth(Path::new("src/a/b.rs"), src), 2);
+    let supers = names_through_supers(2, "use super::super::export::beside;\nuse super::own;");
+    assert!(supers.contains(&"export".to_owned()), "{supers:?}");
+    assert!(!supers.contains(&"own".to_owned()));
 }
