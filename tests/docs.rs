@@ -138,3 +138,63 @@ fn the_readme_lists_every_preset() {
         );
     }
 }
+
+/// The README's commands for its pictures, without the program's name and the output's folder.
+fn pictures() -> Vec<(String, Vec<String>)> {
+    let mut list = vec![
+        ("figure3", "preview brushed_aluminium --mesh torus --model phong:mean,ward:mean,ward --size 1800x600"),
+        ("pot", "preview pot --mesh pot --model ward"),
+    ]
+    .into_iter()
+    .map(|(name, command)| (name.to_owned(), command.to_owned()))
+    .collect::<Vec<_>>();
+    for preset in [
+        "gold_watch_face",
+        "compact_disc",
+        "satin",
+        "scratched_steel",
+    ] {
+        list.push((preset.to_owned(), format!("preview {preset} --size 480")));
+    }
+    list.into_iter()
+        .map(|(name, command)| {
+            (
+                name,
+                command.split_whitespace().map(str::to_owned).collect(),
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn the_readmes_pictures_are_what_its_commands_draw() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, command) in pictures() {
+        let drawn = folder.path().join(format!("{name}.png"));
+        let status = std::process::Command::new(env!("CARGO_BIN_EXE_anisomap"))
+            .args(&command)
+            .arg("-o")
+            .arg(&drawn)
+            .stdout(std::process::Stdio::null())
+            .status()
+            .expect("the binary starts");
+        assert!(status.success(), "{command:?}");
+        let read = |path: &Path| image::open(path).expect("a picture").to_rgb8();
+        let (kept, drawn) = (
+            read(&root().join(format!("docs/pictures/{name}.png"))),
+            read(&drawn),
+        );
+        assert_eq!(kept.dimensions(), drawn.dimensions(), "{name}");
+        // Another machine's mathematics may round a pixel here and there to the next step.
+        let apart: u64 = kept
+            .iter()
+            .zip(drawn.iter())
+            .map(|(a, b)| u64::from(a.abs_diff(*b)))
+            .sum();
+        let mean = apart as f64 / kept.len() as f64;
+        assert!(
+            mean < 0.05,
+            "docs/pictures/{name}.png is stale ({mean} steps apart): draw it again by the README's command"
+        );
+    }
+}
