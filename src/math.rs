@@ -3,8 +3,10 @@
 //! The polynomials are branch-free and use no fused multiply-add, so a loop over them vectorises and gives the same
 //! bits on every CPU level and every platform; the platform's `sin` and `exp` promise neither.
 
+use fearless_simd::Level;
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::{FRAC_PI_2, LN_2, LOG2_E, PI};
+use std::sync::LazyLock;
 
 /// Below this length a blend of double-angle vectors has no direction left.
 pub const AXIS_MIN_LENGTH: f32 = 1e-3;
@@ -176,6 +178,30 @@ impl Frame {
             v.dot(self.normal),
         )
     }
+}
+
+/// The CPU level that loops are run at, found once. `ANISOMAP_SIMD` holds it down to one of [`levels`], to measure or to
+/// check that nothing but speed depends on it; any other word has no effect.
+pub fn level() -> Level {
+    static LEVEL: LazyLock<Level> = LazyLock::new(|| {
+        let wanted = std::env::var("ANISOMAP_SIMD").unwrap_or_default();
+        let known = levels().into_iter().find(|(name, _)| *name == wanted);
+        known.map_or_else(Level::new, |(_, level)| level)
+    });
+    *LEVEL
+}
+
+/// The CPU levels of this machine by name, the narrowest first: all give the same bits.
+pub fn levels() -> Vec<(&'static str, Level)> {
+    let mut levels = vec![("baseline", Level::baseline())];
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    {
+        let best = Level::new();
+        levels.extend(best.as_sse4_2().map(|l| ("sse4.2", Level::Sse4_2(l))));
+        levels.extend(best.as_avx2().map(|l| ("avx2", Level::Avx2(l))));
+        levels.extend(best.as_avx512().map(|l| ("avx512", Level::Avx512(l))));
+    }
+    levels
 }
 
 /// 1.5 * 2^23: adding it leaves the nearest whole number in the low bits of an f32.

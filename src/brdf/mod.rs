@@ -50,6 +50,7 @@ mod smith;
 pub mod beckmann;
 pub mod blinn_phong;
 pub mod ggx;
+pub mod kernel;
 pub mod lambert;
 pub mod phong;
 pub mod ward;

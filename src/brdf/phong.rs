@@ -30,8 +30,8 @@ pub fn evaluate(l: Vec3, v: Vec3, alpha: Vec2) -> f32 {
     let near = u < 0.5;
     let y = if near { 1.0 - u } else { cosine };
     let y = if y < TINY { TINY } else { y };
-    let lost = if near { (1.0 - y) - u } else { 0.0 };
-    let ln = math::ln(y) + lost / y;
+    let share = if near { 1.0 } else { 0.0 };
+    let ln = math::ln(y) + share * ((1.0 - y) - u) / y;
     let f = (n + 2.0) * (0.5 * std::f32::consts::FRAC_1_PI) * math::exp(n * ln);
     if cosine > 0.0 { f } else { 0.0 }
 }

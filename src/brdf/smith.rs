@@ -47,12 +47,15 @@ pub(super) fn ggx_visibility_f64(l: DVec3, v: DVec3, alpha: DVec2) -> f64 {
 /// G/(4 n.l n.v) of the Beckmann surface.
 #[inline(always)]
 pub(super) fn beckmann_visibility(l: Vec3, v: Vec3, alpha: Vec2) -> f32 {
-    let shadow = |w: Vec3| {
-        let s = squared_spread(w, alpha).sqrt();
-        s * beckmann_gain(w.z / s)
-    };
-    let sum = shadow(l) * v.z + shadow(v) * l.z;
+    let sum = beckmann_shadow(l, alpha) * v.z + beckmann_shadow(v, alpha) * l.z;
     1.0 / (4.0 * l.z * v.z + std::f32::consts::FRAC_2_SQRT_PI * sum)
+}
+
+/// g(w) s(w).
+#[inline(always)]
+fn beckmann_shadow(w: Vec3, alpha: Vec2) -> f32 {
+    let s = squared_spread(w, alpha).sqrt();
+    s * beckmann_gain(w.z / s)
 }
 
 pub(super) fn beckmann_visibility_f64(l: DVec3, v: DVec3, alpha: DVec2) -> f64 {

@@ -4,12 +4,11 @@
 use super::Surface;
 use super::lattice::{Lattice, OCTAVE_VARIANCE, seed32};
 use crate::map::{ALPHA_MAX, ALPHA_MIN, RegionMut, Wrap};
-use crate::math::{AXIS_MIN_LENGTH, exp, sin_cos, smoothstep};
-use fearless_simd::{Level, Simd, dispatch};
+use crate::math::{AXIS_MIN_LENGTH, exp, level, sin_cos, smoothstep};
+use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
-use std::sync::LazyLock;
 
 /// How grooves look, whatever way they run. Widths are root-mean-square values over the surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,12 +68,6 @@ pub(super) const CHUNK: usize = 256;
 /// The finest supersampling across the grooves, and along them.
 const SAMPLES_MAX: f32 = 64.0;
 const SAMPLES_ALONG_MAX: f32 = 16.0;
-
-/// The CPU level, found once.
-pub(super) fn level() -> Level {
-    static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
-    *LEVEL
-}
 
 /// Where the grooves of a prepared pattern lie and how they look.
 #[derive(Clone, Debug)]

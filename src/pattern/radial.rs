@@ -1,9 +1,9 @@
 //! Grooves around a centre: turned rings, spokes, or one spiral.
 
-use super::grooves::{CHUNK, Chunk, Grooves, Plane, Streaks, for_chunks, level, with_grooves};
+use super::grooves::{CHUNK, Chunk, Grooves, Plane, Streaks, for_chunks, with_grooves};
 use super::{Fill, Parameter, Patch, Surface};
 use crate::map::{Rect, RegionMut, Wrap};
-use crate::math::{atan2, floor_fast, smoothstep};
+use crate::math::{atan2, floor_fast, level, smoothstep};
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::Vec2;
