@@ -6,15 +6,25 @@
 
 use crate::map::{AnisoMap, Size, SlopeCovariance, Texel};
 use crate::math;
+use fearless_simd::{Simd, dispatch};
+use fearless_simd_macros::simd;
 use glam::Vec2;
 use rayon::prelude::*;
 
 /// How much longer than wide a footprint may be; a longer one is taken as wider.
 const RATIO_MAX: f32 = 8.0;
+/// Larger maps are read from their planes: a copy would cost gigabytes.
+const SIDE_BY_SIDE_MAX: usize = 1 << 24;
+/// Fetches whose places are worked out at once.
+const CHUNK: usize = 256;
 
-/// A map and its levels, each half the size of the one before, down to 1x1. Costs a third of the map's texels at 12 bytes.
+/// A map and its levels, each half the size of the one before, down to 1x1. Costs a third of the map's texels at 12 bytes,
+/// and for maps up to 4096x4096 all of them again at 16 bytes: a texel's four numbers side by side, so that a fetch meets two
+/// lines of the cache and not eight.
 pub struct Pyramid<'a> {
     base: &'a AnisoMap,
+    /// alpha_x, alpha_y, cos 2θ, sin 2θ of each texel; empty for a map that is too large.
+    texels: Vec<[f32; 4]>,
     /// From half size on.
     levels: Vec<Level>,
 }
@@ -38,7 +48,20 @@ impl<'a> Pyramid<'a> {
             size = next.size;
             levels.push(next);
         }
-        Self { base, levels }
+        let texels = if base.size().texels() <= SIDE_BY_SIDE_MAX {
+            (0..base.size().texels())
+                .into_par_iter()
+                .with_min_len(1 << 14)
+                .map(|i| four(base, i))
+                .collect()
+        } else {
+            Vec::new()
+        };
+        Self {
+            base,
+            texels,
+            levels,
+        }
     }
 
     /// The map itself.
@@ -86,6 +109,40 @@ impl<'a> Pyramid<'a> {
         sum.to_texel(x_is_wide, nearest.axis)
     }
 
+    /// The bilinear blend of alphas and double-angle vectors at each texture coordinate, (alpha_x, alpha_y, cos 2θ, sin 2θ) with
+    /// a vector that is not yet of unit length: [`AnisoMap::sample`] before its end.
+    pub fn fetch_plain(&self, uv: impl Fn(usize) -> Vec2, out: &mut [[f32; 4]]) {
+        let level = math::level();
+        let (w, h) = (self.base.width(), self.base.height());
+        let wrap = self.base.wrap();
+        let mut columns = Places::new();
+        let mut rows = Places::new();
+        for (chunk, out) in out.chunks_mut(CHUNK).enumerate() {
+            for i in 0..out.len() {
+                let uv = uv(chunk * CHUNK + i);
+                columns.at[i] = uv.x;
+                rows.at[i] = 1.0 - uv.y;
+            }
+            dispatch!(level, simd => places(simd, &mut columns, w, wrap.repeats_u()));
+            dispatch!(level, simd => places(simd, &mut rows, h, wrap.repeats_v()));
+            if self.texels.is_empty() {
+                blend(&columns, &rows, w, |i| four(self.base, i), out);
+            } else {
+                blend(&columns, &rows, w, |i| self.texels[i], out);
+            }
+        }
+    }
+
+    /// Whether a pixel that moves the texture coordinate by these steps covers more than a texel.
+    pub fn is_minified(&self, duv_dx: Vec2, duv_dy: Vec2) -> bool {
+        let size = Vec2::new(self.base.width() as f32, self.base.height() as f32);
+        let (a, b) = (duv_dx * size, duv_dy * size);
+        let (xx, yy) = (a.x * a.x + b.x * b.x, a.y * a.y + b.y * b.y);
+        // Without the root of `ellipse`: it is longer than 1 only if either of these is over 1/2.
+        let within = xx <= 0.5 && yy <= 0.5;
+        !within && (ellipse(a, b).0 > 1.0)
+    }
+
     /// Between two levels; 0 is the map.
     fn fetch(&self, uv: Vec2, level: f32) -> SlopeCovariance {
         let level = level.clamp(0.0, self.levels.len() as f32);
@@ -111,6 +168,89 @@ impl<'a> Pyramid<'a> {
                 sum + level.texels[i] * w
             })
     }
+}
+
+/// Where fetches lie along one side of the map: between which two texels, and how far from the first.
+struct Places {
+    at: [f32; CHUNK],
+    low: [u32; CHUNK],
+    high: [u32; CHUNK],
+    share: [f32; CHUNK],
+}
+
+impl Places {
+    fn new() -> Self {
+        Self {
+            at: [0.0; CHUNK],
+            low: [0; CHUNK],
+            high: [0; CHUNK],
+            share: [0.0; CHUNK],
+        }
+    }
+}
+
+/// The rules of [`Wrap::footprint`](crate::map::Wrap::footprint) without a branch.
+#[simd]
+fn places<S: Simd>(_: S, places: &mut Places, texels: u32, repeats: bool) {
+    let n = texels as f32;
+    let last = texels as i32 - 1;
+    for i in 0..CHUNK {
+        let t = places.at[i];
+        let t = if t.abs() < f32::INFINITY { t } else { 0.0 };
+        let clamped = if t < 0.0 { 0.0 } else { t };
+        let clamped = if clamped > 1.0 { 1.0 } else { clamped };
+        let t = if repeats { t - t.floor() } else { clamped };
+        let x = t * n - 0.5;
+        // Between -0.5 and 32767.5.
+        let low = math::floor_fast(x);
+        places.share[i] = x - low;
+        let low = low as i32;
+        let high = low + 1;
+        let under = if repeats { last } else { 0 };
+        let over = if repeats { 0 } else { last };
+        places.low[i] = (if low < 0 { under } else { low }) as u32;
+        places.high[i] = (if high > last { over } else { high }) as u32;
+    }
+}
+
+/// A blend of four texels for each place.
+#[inline(always)]
+fn blend(
+    columns: &Places,
+    rows: &Places,
+    width: u32,
+    texel: impl Fn(usize) -> [f32; 4],
+    out: &mut [[f32; 4]],
+) {
+    let n = out.len().min(CHUNK);
+    for i in 0..n {
+        let (x, y) = (columns.share[i], rows.share[i]);
+        let (left, right) = (columns.low[i] as usize, columns.high[i] as usize);
+        let top = rows.low[i] as usize * width as usize;
+        let bottom = rows.high[i] as usize * width as usize;
+        let weights = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
+        let texels = [
+            texel(top + left),
+            texel(top + right),
+            texel(bottom + left),
+            texel(bottom + right),
+        ];
+        for c in 0..4 {
+            out[i][c] = texels[0][c] * weights[0]
+                + texels[1][c] * weights[1]
+                + texels[2][c] * weights[2]
+                + texels[3][c] * weights[3];
+        }
+    }
+}
+
+fn four(map: &AnisoMap, i: usize) -> [f32; 4] {
+    [
+        map.alpha_x()[i],
+        map.alpha_y()[i],
+        map.cos2()[i],
+        map.sin2()[i],
+    ]
 }
 
 /// Lengths of the long and the short side of the ellipse that the unit circle of pixels becomes, and the unit vector along
@@ -246,6 +386,47 @@ mod tests {
             pyramid.sample(uv, Vec2::ZERO, Vec2::ZERO),
             map.sample(uv.x, uv.y)
         );
+    }
+
+    #[test]
+    fn fetching_many_is_fetching_one_whatever_the_place_and_the_wrap() {
+        let odd = [
+            f32::NAN,
+            f32::INFINITY,
+            -1e9,
+            1e9,
+            -1e-9,
+            1.0,
+            0.0,
+            0.5,
+            -0.25,
+            1.0 - 1e-7,
+        ];
+        for wrap in [Wrap::Repeat, Wrap::RepeatU, Wrap::Clamp] {
+            let map = grooved(19, 7, wrap);
+            let mut pyramid = Pyramid::new(&map);
+            for _ in 0..2 {
+                let uv = |i: usize| {
+                    let strange = |i: usize| odd.get(i).copied().unwrap_or(i as f32 * 0.0137 - 2.0);
+                    Vec2::new(strange(i % 700), strange((i * 7) % 611))
+                };
+                let mut out = vec![[0.0; 4]; 999];
+                pyramid.fetch_plain(uv, &mut out);
+                for (i, [x, y, c, s]) in out.into_iter().enumerate() {
+                    let want = map.sample(uv(i).x, uv(i).y);
+                    let got = crate::map::settle(x, y, c, s);
+                    assert!(
+                        (got.alpha_x - want.alpha_x).abs() < 1e-6,
+                        "{wrap:?} {}",
+                        uv(i)
+                    );
+                    assert!((got.alpha_y - want.alpha_y).abs() < 1e-6);
+                    assert!(got.axis.angle_to(want.axis) < 1e-5);
+                }
+                // The same from the planes.
+                pyramid.texels = Vec::new();
+            }
+        }
     }
 
     #[test]

@@ -10,20 +10,23 @@
 mod caption;
 mod difference;
 mod look;
+mod packed;
 mod picture;
 mod scene;
 mod shade;
 mod sheet;
+mod timings;
 
 pub use caption::{Align, write_text};
 pub use difference::{Difference, Measure};
 pub use look::Look;
 pub use picture::{Picture, linear_from_srgb, srgb_from_linear};
-pub use scene::{Background, Light, Rig, SAMPLES_MAX, Scene};
+pub use scene::{Background, Light, Quality, Rig, SAMPLES_MAX, Scene};
 
 pub use crate::recipe::Material;
 pub use shade::Shader;
 pub use sheet::{panel_size, side_by_side};
+pub use timings::{Stage, Timings};
 
 use crate::error::{Error, Result};
 use crate::filter::Pyramid;
@@ -32,7 +35,7 @@ use crate::mesh::Mesh;
 use crate::progress::Progress;
 use crate::raster::{Cull, GBuffer, TILE, View};
 
-/// Samples in a band: its geometry takes about 130 bytes each.
+/// Samples in a band: what is seen takes about 12 bytes each while it is drawn.
 const BAND_SAMPLES: u64 = 1 << 21;
 
 /// What is looked at.
@@ -44,6 +47,70 @@ pub struct Subject<'a> {
     pub map: &'a AnisoMap,
     /// Its colours.
     pub material: &'a Material,
+}
+
+/// A [`Subject`] made ready to be drawn again and again.
+pub struct Prepared<'a> {
+    mesh: &'a Mesh,
+    pyramid: Pyramid<'a>,
+    material: &'a Material,
+}
+
+impl<'a> Subject<'a> {
+    /// Works out what does not change while mesh, map and material stay: the map's levels, and its texels side by side.
+    pub fn prepare(self, timings: &Timings) -> Prepared<'a> {
+        Prepared {
+            mesh: self.mesh,
+            pyramid: timings.time(Stage::Prepare, || Pyramid::new(self.map)),
+            material: self.material,
+        }
+    }
+}
+
+impl Prepared<'_> {
+    /// Draws one picture per look into `pictures`, all from one visibility pass; what they held is gone.
+    ///
+    /// # Errors
+    /// As [`render`].
+    ///
+    /// # Panics
+    /// When there are not as many pictures as looks, or they are not of one size.
+    pub fn draw(
+        &self,
+        scene: &Scene,
+        looks: &[Look],
+        pictures: &mut [Picture],
+        timings: &Timings,
+        progress: &Progress<'_>,
+    ) -> Result<()> {
+        assert_eq!(looks.len(), pictures.len(), "a picture for each look");
+        scene.check()?;
+        self.material.check()?;
+        let Some(size) = pictures.first().map(Picture::size) else {
+            return Ok(());
+        };
+        assert!(pictures.iter().all(|p| p.size() == size), "one size");
+        let view = View::new(&scene.camera, sample_grid(size, scene.samples)?)?;
+        let cull = if scene.quality.back_faces {
+            Cull::None
+        } else {
+            Cull::Back
+        };
+        let bands: Vec<Rect> = bands(view.size()).collect();
+        progress.expect(bands.len() as u64 * (1 + looks.len() as u64));
+        for band in bands {
+            let buffer = timings.time(Stage::Raster, || {
+                GBuffer::draw(self.mesh, &view, band, cull, progress)
+            })?;
+            progress.step()?;
+            for (&look, picture) in looks.iter().zip(pictures.iter_mut()) {
+                Shader::new(self.mesh, &self.pyramid, self.material, scene, view, look)
+                    .shade(&buffer, picture, timings, progress)?;
+                progress.step()?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Draws one picture of `size` pixels per look, all from one visibility pass.
@@ -60,23 +127,10 @@ pub fn render(
 ) -> Result<Vec<Picture>> {
     scene.check()?;
     subject.material.check()?;
-    let view = View::new(&scene.camera, sample_grid(size, scene.samples)?)?;
-    let pyramid = Pyramid::new(subject.map);
-    let shaders: Vec<Shader<'_>> = looks
-        .iter()
-        .map(|&look| Shader::new(&pyramid, subject.material, scene, view, look))
-        .collect();
+    sample_grid(size, scene.samples)?;
     let mut pictures = vec![Picture::new(size, [0.0; 3]); looks.len()];
-    let bands: Vec<Rect> = bands(view.size()).collect();
-    progress.expect(bands.len() as u64 * (1 + looks.len() as u64));
-    for band in bands {
-        let buffer = GBuffer::draw(subject.mesh, &view, band, Cull::None, progress)?;
-        progress.step()?;
-        for (shader, picture) in shaders.iter().zip(&mut pictures) {
-            shader.shade(&buffer, picture, progress)?;
-            progress.step()?;
-        }
-    }
+    let (prepared, timings) = (subject.prepare(&Timings::off()), Timings::off());
+    prepared.draw(scene, looks, &mut pictures, &timings, progress)?;
     Ok(pictures)
 }
 

@@ -135,6 +135,44 @@ impl Rig {
     }
 }
 
+/// What is spent on a picture beyond one plain fetch and one formula per sample. All of it is on by default; without it the
+/// picture is what a bare shader draws, aliased where the map or a highlight is finer than a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Quality {
+    /// Footprints larger than a texel are averaged.
+    pub mips: bool,
+    /// Lobes grow by the surface's bend inside a sample, and samples at the outline are lit although their interpolated
+    /// normal is bent away from the eye.
+    pub widening: bool,
+    /// Surfaces that wind clockwise as seen from the eye are drawn too, as open surfaces need.
+    pub back_faces: bool,
+}
+
+impl Quality {
+    /// Everything off.
+    pub const PLAIN: Self = Self {
+        mips: false,
+        widening: false,
+        back_faces: false,
+    };
+
+    /// Whether it takes the change of attributes from sample to sample.
+    pub(super) fn needs_changes(self) -> bool {
+        self.mips || self.widening
+    }
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Self {
+            mips: true,
+            widening: true,
+            back_faces: true,
+        }
+    }
+}
+
 /// Everything a picture needs besides mesh, map and material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -156,6 +194,9 @@ pub struct Scene {
     /// Samples along a pixel's side, 1 to 4: 2 means 2x2. Default 2.
     #[serde(default = "two")]
     pub samples: u32,
+    /// What is spent on each sample.
+    #[serde(default)]
+    pub quality: Quality,
 }
 
 fn one() -> [f32; 3] {
@@ -186,6 +227,7 @@ impl Scene {
             exposure: 0.0,
             background: Background::default(),
             samples: two(),
+            quality: Quality::default(),
         }
     }
 
@@ -349,6 +391,7 @@ mod tests {
             exposure: 0.0,
             background: Background::default(),
             samples: 2,
+            quality: Quality::default(),
         }
     }
 

@@ -12,41 +12,58 @@
 
 use super::Material;
 use super::look::Look;
+use super::packed::{self, CHUNK, Chunk, Given};
 use super::picture::Picture;
 use super::scene::{Light, Scene};
-use crate::brdf::{self, Model};
+use super::timings::{Stage, Timings};
+use crate::brdf::Model;
+use crate::brdf::kernel::{self, Batch};
 use crate::error::Result;
 use crate::filter::Pyramid;
-use crate::map::{Rect, SlopeCovariance, Texel};
-use crate::math::{self, Axis, Frame};
+use crate::map::Rect;
+use crate::math;
+use crate::mesh::Mesh;
 use crate::progress::Progress;
-use crate::raster::{Fragments, GBuffer, Tile, View};
-use glam::{Vec2, Vec3};
+use crate::raster::{Fragments, GBuffer, TILE, View};
+use fearless_simd::dispatch;
+use glam::Vec3;
 use rayon::prelude::*;
-use std::f32::consts::FRAC_1_PI;
-
-/// The least cosine between normal and view of a fragment that is seen.
-const GRAZING_MIN: f32 = 1e-4;
-/// The most that the change of the normal over the sample may raise it to: triangles seen edge-on change without bound.
-const GRAZING_MAX: f32 = 0.2;
-/// The most variance that curvature may add: 0.18 of alpha², as Tokuyoshi and Kaplanyan (2019) limit it.
-const CURVATURE_MAX: f32 = 0.09;
 
 /// Lights the fragments of a [`GBuffer`] with one look.
 pub struct Shader<'a> {
+    mesh: &'a Mesh,
     pyramid: &'a Pyramid<'a>,
     material: &'a Material,
     scene: &'a Scene,
     view: View,
     model: Model,
-    /// The one lobe along the mesh's tangent, when the map itself is not read.
-    mean: Option<Texel>,
+    /// The one texel along the mesh's tangent, when the map itself is not read.
+    mean: Option<[f32; 4]>,
     gain: f32,
+}
+
+/// What one thread works in.
+struct Desk {
+    fragments: Fragments,
+    chunk: Box<Chunk>,
+    /// Light and number of samples of each pixel of a tile, when a pixel has several.
+    sums: Vec<([f32; 3], u32)>,
+}
+
+impl Desk {
+    fn new() -> Self {
+        Self {
+            fragments: Fragments::default(),
+            chunk: Box::new(Chunk::new()),
+            sums: Vec::new(),
+        }
+    }
 }
 
 impl<'a> Shader<'a> {
     /// `view` is the one that the buffer will have been drawn with.
     pub fn new(
+        mesh: &'a Mesh,
         pyramid: &'a Pyramid<'a>,
         material: &'a Material,
         scene: &'a Scene,
@@ -55,13 +72,10 @@ impl<'a> Shader<'a> {
     ) -> Self {
         let mean = look.mean.then(|| {
             let mean = pyramid.mean();
-            Texel {
-                alpha_x: (2.0 * mean.uu).sqrt(),
-                alpha_y: (2.0 * mean.vv).sqrt(),
-                axis: Axis::U,
-            }
+            [(2.0 * mean.uu).sqrt(), (2.0 * mean.vv).sqrt(), 1.0, 0.0]
         });
         Self {
+            mesh,
             pyramid,
             material,
             scene,
@@ -79,207 +93,250 @@ impl<'a> Shader<'a> {
     /// When `progress` cancels.
     ///
     /// # Panics
-    /// When the window does not begin at whole pixels or reaches outside the picture.
+    /// When the window does not begin at whole pixels or reaches outside the picture, or the buffer is of another mesh.
     pub fn shade(
         &self,
         buffer: &GBuffer,
         picture: &mut Picture,
+        timings: &Timings,
         progress: &Progress<'_>,
     ) -> Result<()> {
-        let lit: Vec<(Rect, Vec<[f32; 3]>)> = buffer
-            .tiles()
-            .par_iter()
-            .map(|tile| {
-                progress.check()?;
-                Ok(self.tile(tile))
+        let window = self.pixels(buffer.window());
+        let across = buffer.window().width.div_ceil(TILE) as usize;
+        let width = picture.width() as usize;
+        let tile_height = (TILE / self.scene.samples) as usize;
+        let first = window.y as usize * width;
+        let rows = &mut picture.pixels_mut()[first..][..window.height as usize * width];
+        // A row of tiles at a time is split into its tiles, which then are lit side by side.
+        rows.par_chunks_mut(tile_height * width)
+            .enumerate()
+            .try_for_each(|(j, rows)| {
+                let window = window.x as usize..(window.x + window.width) as usize;
+                let tiles = split(rows, width, window, tile_height);
+                tiles.into_par_iter().enumerate().try_for_each_init(
+                    Desk::new,
+                    |desk, (i, mut lines)| {
+                        progress.check()?;
+                        self.tile(buffer, j * across + i, desk, &mut lines, timings);
+                        Ok(())
+                    },
+                )
             })
-            .collect::<Result<_>>()?;
-        for (rect, pixels) in lit {
-            for (i, line) in pixels.chunks(rect.width as usize).enumerate() {
-                let row = picture.row_mut(rect.y + i as u32);
-                row[rect.x as usize..][..line.len()].copy_from_slice(line);
-            }
-        }
-        Ok(())
     }
 
-    /// The pixels of one tile: where they lie in the picture, and their display values in row order.
-    ///
-    /// # Panics
-    /// When the tile does not begin at a whole pixel.
-    pub fn tile(&self, tile: &Tile) -> (Rect, Vec<[f32; 3]>) {
+    /// The pixels of a rectangle of samples.
+    fn pixels(&self, r: Rect) -> Rect {
         let samples = self.scene.samples;
-        let r = tile.rect;
         assert!(
             [r.x, r.y, r.width, r.height]
                 .iter()
                 .all(|n| n % samples == 0),
             "tiles hold whole pixels"
         );
-        let rect = Rect {
+        Rect {
             x: r.x / samples,
             y: r.y / samples,
             width: r.width / samples,
             height: r.height / samples,
-        };
-        let mut sum = vec![(Vec3::ZERO, 0u32); rect.texels()];
-        for i in 0..tile.fragments.len() {
-            let place = u32::from(tile.fragments.place[i]);
-            let (x, y) = (place % r.width / samples, place / r.width / samples);
-            let (light, count) = &mut sum[(y * rect.width + x) as usize];
-            *light += self.fragment(&tile.fragments, i);
+        }
+    }
+
+    /// Lights one tile into its lines of the picture.
+    fn tile(
+        &self,
+        buffer: &GBuffer,
+        tile: usize,
+        desk: &mut Desk,
+        lines: &mut [&mut [[f32; 3]]],
+        timings: &Timings,
+    ) {
+        let samples = buffer.tiles()[tile].rect;
+        let rect = self.pixels(samples);
+        timings.time(Stage::Gather, || self.fill_background(rect, lines));
+        if buffer.tiles()[tile].is_empty() {
+            return;
+        }
+        let Desk {
+            fragments,
+            chunk,
+            sums,
+        } = desk;
+        let changes = self.scene.quality.needs_changes();
+        timings.time(Stage::Resolve, || {
+            buffer.resolve(self.mesh, tile, changes, fragments);
+        });
+        if self.scene.samples > 1 {
+            sums.clear();
+            sums.resize(rect.texels(), ([0.0; 3], 0));
+        }
+        for start in (0..fragments.len()).step_by(CHUNK) {
+            let end = (start + CHUNK).min(fragments.len());
+            self.light(fragments, start..end, chunk, timings);
+            timings.time(Stage::Gather, || {
+                let places = &fragments.place[start..end];
+                if self.scene.samples == 1 {
+                    self.write(places, samples.width, chunk, lines);
+                } else {
+                    self.add(places, samples.width, chunk, sums);
+                }
+            });
+        }
+        if self.scene.samples > 1 {
+            timings.time(Stage::Gather, || self.average(rect, sums, lines));
+        }
+    }
+
+    /// What is seen behind pixels of row `y`.
+    fn behind(&self, y: u32) -> Vec3 {
+        let height = (self.view.size().height() / self.scene.samples) as f32;
+        self.scene.background.at((y as f32 + 0.5) / height)
+    }
+
+    fn fill_background(&self, rect: Rect, lines: &mut [&mut [[f32; 3]]]) {
+        for (y, line) in (rect.y..).zip(lines) {
+            line.fill(self.behind(y).to_array());
+        }
+    }
+
+    /// One sample a pixel: its light is the pixel.
+    fn write(&self, places: &[u16], width: u32, chunk: &Chunk, lines: &mut [&mut [[f32; 3]]]) {
+        for (i, &place) in places.iter().enumerate() {
+            let (x, y) = (u32::from(place) % width, u32::from(place) / width);
+            lines[y as usize][x as usize] = chunk.radiance.each_ref().map(|c| c[i] * self.gain);
+        }
+    }
+
+    /// Several samples a pixel: their light is added up.
+    fn add(&self, places: &[u16], width: u32, chunk: &Chunk, sums: &mut [([f32; 3], u32)]) {
+        let samples = self.scene.samples;
+        for (i, &place) in places.iter().enumerate() {
+            let (x, y) = (u32::from(place) % width, u32::from(place) / width);
+            let pixel = y / samples * (width / samples) + x / samples;
+            let (light, count) = &mut sums[pixel as usize];
+            for c in 0..3 {
+                light[c] += chunk.radiance[c][i];
+            }
             *count += 1;
         }
-        let height = (self.view.size().height() / samples) as f32;
-        let all = (samples * samples) as f32;
-        let pixels = sum
-            .into_iter()
-            .enumerate()
-            .map(|(i, (light, count))| {
-                let y = rect.y + i as u32 / rect.width;
-                let behind = self.scene.background.at((y as f32 + 0.5) / height);
-                ((light * self.gain + behind * (all - count as f32)) / all).to_array()
-            })
-            .collect();
-        (rect, pixels)
     }
 
-    /// Radiance toward the eye, before exposure.
-    fn fragment(&self, f: &Fragments, i: usize) -> Vec3 {
-        let ambient = Vec3::from(self.material.ambient) * Vec3::from(self.scene.ambient);
-        let Some((mut frame, usable)) = Frame::new(f.normal[i], f.tangent[i]) else {
-            return ambient;
-        };
-        let texel = match self.mean {
-            Some(texel) => texel,
-            None => self.pyramid.sample(f.uv[i], f.duv_dx[i], f.duv_dy[i]),
-        };
-        let texel = if usable { texel } else { isotropic(texel) };
-        let texel = widened(texel, curvature(&frame, f.dn_dx[i], f.dn_dy[i]));
-        if f.back[i] {
-            frame.normal = -frame.normal;
-        }
-        let eye = self.view.toward(f.position[i]);
-        // The mean of |x| over an interval of width w around 0 is w / 4.
-        let grazing = 0.25 * (f.dn_dx[i].dot(eye).abs() + f.dn_dy[i].dot(eye).abs());
-        let grazing = grazing.clamp(GRAZING_MIN, GRAZING_MAX);
-        let lobe = Lobe::new(self.model, frame, texel, eye, grazing);
-        let (mut diffuse, mut specular) = (Vec3::ZERO, Vec3::ZERO);
-        for light in &self.scene.lights {
-            let (toward, irradiance) = arriving(light, f.position[i]);
-            let (cosine, reflected) = lobe.reflect(toward);
-            diffuse += irradiance * (FRAC_1_PI * cosine);
-            specular += irradiance * reflected;
-        }
-        ambient
-            + Vec3::from(self.material.diffuse) * diffuse
-            + Vec3::from(self.material.specular) * specular
-    }
-}
-
-/// The lobe of one fragment: its frame turned to the texel's x axis.
-struct Lobe {
-    model: Model,
-    frame: Frame,
-    axis: Vec2,
-    alpha: Vec2,
-    view: Vec3,
-}
-
-impl Lobe {
-    fn new(model: Model, frame: Frame, texel: Texel, toward_eye: Vec3, grazing: f32) -> Self {
-        let mut lobe = Self {
-            model,
-            frame,
-            axis: texel.axis.direction(),
-            alpha: Vec2::new(texel.alpha_x, texel.alpha_y),
-            view: Vec3::Z,
-        };
-        let view = lobe.local(toward_eye);
-        lobe.view = view.with_z(view.z.max(grazing)).normalize();
-        lobe
-    }
-
-    /// World to the lobe's own frame: x along the texel's x axis, z along the normal.
-    fn local(&self, v: Vec3) -> Vec3 {
-        let v = self.frame.to_local(v);
-        Vec3::new(
-            self.axis.x * v.x + self.axis.y * v.y,
-            self.axis.x * v.y - self.axis.y * v.x,
-            v.z,
-        )
-    }
-
-    /// (n.l, f(l, v) n.l) for a unit vector toward a light; both 0 from behind.
-    fn reflect(&self, toward: Vec3) -> (f32, f32) {
-        let light = self.local(toward);
-        if light.z > 0.0 {
-            (
-                light.z,
-                brdf::shade(self.model, light, self.view, self.alpha),
-            )
-        } else {
-            (0.0, 0.0)
-        }
-    }
-}
-
-/// The unit vector toward a light from a point, and the irradiance of a surface there that faces it.
-fn arriving(light: &Light, at: Vec3) -> (Vec3, Vec3) {
-    match *light {
-        Light::Directional { toward, irradiance } => {
-            (toward.normalize_or_zero(), irradiance.into())
-        }
-        Light::Point {
-            position,
-            intensity,
-        } => {
-            let d = position - at;
-            match d.try_normalize() {
-                Some(toward) => (
-                    toward,
-                    Vec3::from(intensity) / d.length_squared().max(1e-12),
-                ),
-                None => (Vec3::ZERO, Vec3::ZERO),
+    fn average(&self, rect: Rect, sums: &[([f32; 3], u32)], lines: &mut [&mut [[f32; 3]]]) {
+        let all = (self.scene.samples * self.scene.samples) as f32;
+        let rows = sums.chunks(rect.width as usize).zip(lines);
+        for (y, (sums, line)) in (rect.y..).zip(rows) {
+            let behind = self.behind(y);
+            for (pixel, (light, count)) in line.iter_mut().zip(sums) {
+                if *count > 0 {
+                    let light = Vec3::from(*light) * self.gain;
+                    *pixel = ((light + behind * (all - *count as f32)) / all).to_array();
+                }
             }
         }
     }
-}
 
-/// The same variance in every direction.
-fn isotropic(texel: Texel) -> Texel {
-    let (x, y) = (texel.alpha_x, texel.alpha_y);
-    let alpha = (0.5 * (x * x + y * y)).sqrt();
-    Texel {
-        alpha_x: alpha,
-        alpha_y: alpha,
-        axis: Axis::U,
+    /// Radiance toward the eye of some fragments, before exposure.
+    fn light(
+        &self,
+        fragments: &Fragments,
+        range: std::ops::Range<usize>,
+        chunk: &mut Chunk,
+        timings: &Timings,
+    ) {
+        let level = math::level();
+        let quality = self.scene.quality;
+        let n = range.len();
+        let changed = !fragments.normal_dx.is_empty();
+        let given = Given {
+            facing: &fragments.facing[range.clone()],
+            position: &fragments.position[range.clone()],
+            normal: &fragments.normal[range.clone()],
+            tangent: &fragments.tangent[range.clone()],
+            normal_dx: if changed {
+                &fragments.normal_dx[range.clone()]
+            } else {
+                &[]
+            },
+            normal_dy: if changed {
+                &fragments.normal_dy[range.clone()]
+            } else {
+                &[]
+            },
+        };
+        timings.time(Stage::Frame, || {
+            let (viewer, w) = self.view.viewer();
+            let viewer = (viewer.to_array(), w);
+            dispatch!(level, simd => packed::frames(simd, chunk, given, viewer));
+            if quality.widening {
+                dispatch!(level, simd => packed::bends(simd, chunk, given));
+            }
+        });
+        timings.time(Stage::Fetch, || {
+            match self.mean {
+                Some(texel) => chunk.texel[..n].fill(texel),
+                None => {
+                    let v_change = quality.mips.then(|| &fragments.v_change[range.clone()]);
+                    packed::fetch(self.pyramid, chunk, given, v_change);
+                }
+            }
+            dispatch!(level, simd => packed::lobes(simd, chunk, n, quality.widening));
+        });
+        timings.time(Stage::Shade, || {
+            let ambient = Vec3::from(self.material.ambient) * Vec3::from(self.scene.ambient);
+            for (lane, c) in chunk.radiance.iter_mut().zip(ambient.to_array()) {
+                lane[..n].fill(c);
+            }
+            for light in &self.scene.lights {
+                self.add_light(light, chunk, n);
+            }
+        });
+    }
+
+    fn add_light(&self, light: &Light, chunk: &mut Chunk, n: usize) {
+        let level = math::level();
+        let power = match *light {
+            Light::Directional { toward, irradiance } => {
+                let toward = toward.normalize_or_zero().to_array();
+                dispatch!(level, simd => packed::toward_direction(simd, chunk, n, toward));
+                irradiance
+            }
+            Light::Point {
+                position,
+                intensity,
+            } => {
+                let place = position.to_array();
+                dispatch!(level, simd => packed::toward_place(simd, chunk, n, place));
+                intensity
+            }
+        };
+        let batch = Batch {
+            light: chunk.light.each_ref().map(|c| &c[..n]),
+            view: chunk.view.each_ref().map(|c| &c[..n]),
+            lobe: chunk.lobe.each_ref().map(|c| &c[..n]),
+        };
+        kernel::shade(level, self.model, &batch, &mut chunk.reflected[..n]);
+        let power = Vec3::from(power);
+        let colours = (
+            (power * Vec3::from(self.material.diffuse)).to_array(),
+            (power * Vec3::from(self.material.specular)).to_array(),
+        );
+        let seen_only = !self.scene.quality.widening;
+        dispatch!(level, simd => packed::gather(simd, chunk, n, colours, seen_only));
     }
 }
 
-/// The variance of slope inside a sample, in the tangent frame, that the surface's bend alone makes.
-fn curvature(frame: &Frame, dn_dx: Vec3, dn_dy: Vec3) -> SlopeCovariance {
-    let (t, b) = (frame.tangent, frame.bitangent);
-    let (tx, ty) = (t.dot(dn_dx), t.dot(dn_dy));
-    let (bx, by) = (b.dot(dn_dx), b.dot(dn_dy));
-    let sum = SlopeCovariance {
-        uu: tx * tx + ty * ty,
-        uv: tx * bx + ty * by,
-        vv: bx * bx + by * by,
-    } * (1.0 / 12.0);
-    let trace = sum.uu + sum.vv;
-    if trace > CURVATURE_MAX {
-        sum * (CURVATURE_MAX / trace)
-    } else {
-        sum
+/// Splits whole rows of pixels into the lines of their tiles.
+fn split(
+    rows: &mut [[f32; 3]],
+    width: usize,
+    window: std::ops::Range<usize>,
+    side: usize,
+) -> Vec<Vec<&mut [[f32; 3]]>> {
+    let tiles = window.len().div_ceil(side);
+    let mut lines: Vec<Vec<_>> = (0..tiles).map(|_| Vec::with_capacity(side)).collect();
+    for row in rows.chunks_mut(width) {
+        for (tile, line) in lines.iter_mut().zip(row[window.clone()].chunks_mut(side)) {
+            tile.push(line);
+        }
     }
-}
-
-fn widened(texel: Texel, by: SlopeCovariance) -> Texel {
-    let narrow = texel.alpha_x.min(texel.alpha_y);
-    // Under a thousandth of the variance it cannot be seen, and a ratio of 1000 would lose digits in the covariance.
-    if by.uu + by.vv < 0.5e-3 * narrow * narrow {
-        return texel;
-    }
-    (SlopeCovariance::from(texel) + by).to_texel(texel.alpha_x > texel.alpha_y, texel.axis)
+    lines
 }

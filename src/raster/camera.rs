@@ -110,7 +110,7 @@ impl Camera {
 }
 
 /// A vertex in homogeneous sample coordinates: the sample at column x has its centre at x + 0.5, row 0 is the top.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Vertex {
     /// (x w, y w, w).
     pub(super) h: DVec3,
@@ -119,7 +119,7 @@ pub(super) struct Vertex {
 }
 
 /// A checked camera with a picture's size: takes world points to samples.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     size: Size,
     eye: DVec3,
@@ -169,6 +169,24 @@ impl View {
                 .as_vec3()
         } else {
             self.basis[2].as_vec3()
+        }
+    }
+
+    /// Toward the viewer, of any length.
+    pub(super) fn toward_any_length(&self, point: Vec3) -> Vec3 {
+        if self.perspective {
+            (self.eye - point.as_dvec3()).as_vec3()
+        } else {
+            self.basis[2].as_vec3()
+        }
+    }
+
+    /// Where the viewer is as a point in homogeneous coordinates: a point minus w times a position points to the viewer.
+    pub(crate) fn viewer(&self) -> (Vec3, f32) {
+        if self.perspective {
+            (self.eye.as_vec3(), 1.0)
+        } else {
+            (self.basis[2].as_vec3(), 0.0)
         }
     }
 

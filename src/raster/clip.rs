@@ -3,8 +3,8 @@
 use super::camera::{Vertex, View};
 
 /// Half the width of the guard band in samples, around the middle of the picture. Triangles inside it need no side clipping;
-/// at 8 fractional bits an edge function of such coordinates stays below 2^60.
-const GUARD: f64 = (1u32 << 20) as f64;
+/// it is wider than half of the largest picture, and an edge that crosses a tile fits 32 bits there.
+pub(super) const GUARD: f64 = 20_480.0;
 
 /// A polygon of up to 3 + 5 corners.
 #[derive(Clone, Copy)]

@@ -35,20 +35,44 @@ pub enum Cull {
     Back,
 }
 
-/// What every sample of a window sees, tile by tile.
+/// What every sample of a window sees, tile by tile: a triangle or nothing, from which [`GBuffer::resolve`] works out the
+/// attributes. Four bytes a sample, so it can be kept from picture to picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GBuffer {
+    view: View,
     window: Rect,
+    vertices: resolve::Vertices,
     tiles: Vec<Tile>,
 }
 
 /// One tile of a [`GBuffer`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Tile {
     /// The samples it covers, in the whole picture's coordinates. Never larger than [`TILE`] x [`TILE`].
     pub rect: Rect,
-    /// What is seen there; samples that see nothing have no fragment.
-    pub fragments: Fragments,
+    /// The triangle that each sample sees, in rows of [`visibility::STRIDE`]; empty where nothing is near.
+    seen: Vec<u32>,
+}
+
+impl Tile {
+    /// Whether no triangle comes near.
+    pub fn is_empty(&self) -> bool {
+        self.seen.is_empty()
+    }
+
+    fn rows(&self) -> impl Iterator<Item = &[u32]> {
+        let width = self.rect.width as usize;
+        self.seen
+            .chunks(visibility::STRIDE)
+            .map(move |row| &row[..width])
+    }
+}
+
+impl PartialEq for Tile {
+    /// Past the width of a tile there is rubbish.
+    fn eq(&self, other: &Self) -> bool {
+        self.rect == other.rect && self.rows().eq(other.rows())
+    }
 }
 
 impl GBuffer {
@@ -56,7 +80,7 @@ impl GBuffer {
     /// window.
     ///
     /// # Errors
-    /// When the mesh's arrays do not fit together, or `progress` cancels. One check per 32768 triangles; no steps are
+    /// When the mesh's arrays do not fit together, or `progress` cancels. One check per 131072 triangles; no steps are
     /// counted.
     ///
     /// # Panics
@@ -73,15 +97,20 @@ impl GBuffer {
             "a window inside the picture"
         );
         check(mesh)?;
-        let visibility = visibility::draw(mesh, view, window, cull, progress)?;
-        let tiles = visibility
-            .par_iter()
-            .map(|seen| Tile {
-                rect: seen.rect,
-                fragments: resolve::resolve(mesh, view, seen),
-            })
-            .collect();
-        Ok(Self { window, tiles })
+        let vertices = vertices(mesh, view);
+        let tiles = visibility::draw(mesh, &vertices.projected, view, window, cull, progress)?;
+        Ok(Self {
+            view: *view,
+            window,
+            vertices,
+            tiles: tiles
+                .into_iter()
+                .map(|seen| Tile {
+                    rect: seen.rect,
+                    seen: seen.triangle,
+                })
+                .collect(),
+        })
     }
 
     /// The samples that were drawn.
@@ -92,6 +121,25 @@ impl GBuffer {
     /// The tiles, row by row.
     pub fn tiles(&self) -> &[Tile] {
         &self.tiles
+    }
+
+    /// The attributes of what a tile sees, in place of what `out` held; with `changes` also how they change from sample to
+    /// sample.
+    ///
+    /// # Panics
+    /// When `mesh` is not the one that was drawn, or there are fewer tiles.
+    pub fn resolve(&self, mesh: &Mesh, tile: usize, changes: bool, out: &mut Fragments) {
+        let tile = &self.tiles[tile];
+        let seen = (tile.rect, &tile.seen[..]);
+        resolve::resolve(mesh, &self.vertices, &self.view, seen, changes, out);
+    }
+}
+
+fn vertices(mesh: &Mesh, view: &View) -> resolve::Vertices {
+    let all = || (0..mesh.positions.len()).into_par_iter().with_min_len(2048);
+    resolve::Vertices {
+        projected: all().map(|i| view.project(mesh.positions[i])).collect(),
+        rows: all().map(|i| resolve::Row::new(mesh, i)).collect(),
     }
 }
 

@@ -93,14 +93,16 @@ fn draw(mesh: &Mesh, camera: &Camera, width: u32, height: u32) -> (View, GBuffer
 }
 
 /// Every fragment with its column and row.
-fn each(buffer: &GBuffer, mut visit: impl FnMut(u32, u32, &Fragments, usize)) {
-    for tile in buffer.tiles() {
-        for (i, &place) in tile.fragments.place.iter().enumerate() {
+fn each(mesh: &Mesh, buffer: &GBuffer, mut visit: impl FnMut(u32, u32, &Fragments, usize)) {
+    let mut fragments = Fragments::default();
+    for (t, tile) in buffer.tiles().iter().enumerate() {
+        buffer.resolve(mesh, t, true, &mut fragments);
+        for (i, &place) in fragments.place.iter().enumerate() {
             let (x, y) = (
                 u32::from(place) % tile.rect.width,
                 u32::from(place) / tile.rect.width,
             );
-            visit(tile.rect.x + x, tile.rect.y + y, &tile.fragments, i);
+            visit(tile.rect.x + x, tile.rect.y + y, &fragments, i);
         }
     }
 }
@@ -138,9 +140,9 @@ fn against_rays(mesh: &Mesh, reference: &Reference) -> (f32, f32, f32, u32) {
     let (width, height) = (200, 150);
     let (view, buffer) = draw(mesh, &camera(Vec3::new(0.7, 2.4, 3.6)), width, height);
     let mut seen = vec![None; (width * height) as usize];
-    each(&buffer, |x, y, f, i| {
+    each(&mesh, &buffer, |x, y, f, i| {
         seen[(y * width + x) as usize] =
-            Some((f.position[i], f.normal[i], f.tangent[i], f.back[i]));
+            Some((f.position(i), f.normal(i), f.tangent(i), f.facing[i]));
     });
     let (mut dp, mut dn, mut dt, mut misses) = (0f32, 0f32, 0f32, 0);
     for y in 0..height {
@@ -148,7 +150,7 @@ fn against_rays(mesh: &Mesh, reference: &Reference) -> (f32, f32, f32, u32) {
             let (eye, ray) = view.ray(x, y);
             let hit = march(eye, ray, reference.field);
             let seen = seen[(y * width + x) as usize];
-            let (Some(t), Some((p, n, tangent, back))) = (hit, seen) else {
+            let (Some(t), Some((p, n, tangent, facing))) = (hit, seen) else {
                 misses += u32::from(hit.is_some() != seen.is_some());
                 continue;
             };
@@ -158,7 +160,7 @@ fn against_rays(mesh: &Mesh, reference: &Reference) -> (f32, f32, f32, u32) {
             if want_n.dot(ray) > -0.15 {
                 continue;
             }
-            assert!(!back);
+            assert_eq!(facing, 1.0);
             dp = dp.max(p.distance(want_p));
             dn = dn.max(n.angle_between(want_n));
             let want_t = Vec3::new(want_p.z, 0.0, -want_p.x);
@@ -211,8 +213,11 @@ fn derivatives_are_the_differences_between_neighbours() {
     ]);
     let (_, buffer) = draw(&mesh, &camera(Vec3::new(0.3, 0.4, 5.0)), 300, 300);
     let mut uv = vec![None; 300 * 300];
-    each(&buffer, |x, y, f, i| {
-        uv[(y * 300 + x) as usize] = Some((f.uv[i], f.duv_dx[i], f.duv_dy[i]));
+    each(&mesh, &buffer, |x, y, f, i| {
+        uv[(y * 300 + x) as usize] = {
+            let [dx, dy] = f.uv_change(i);
+            Some((f.uv(i), dx, dy))
+        };
     });
     let mut compared = 0;
     for y in 1..299 {
@@ -237,16 +242,17 @@ fn derivatives_are_the_differences_between_neighbours() {
 
 #[test]
 fn normals_change_as_their_derivatives_say() {
-    let (_, buffer) = draw(&sphere(96, 48), &camera(Vec3::new(0.0, 0.0, 4.0)), 201, 201);
+    let mesh = sphere(96, 48);
+    let (_, buffer) = draw(&mesh, &camera(Vec3::new(0.0, 0.0, 4.0)), 201, 201);
     let mut visited = 0;
-    each(&buffer, |x, y, f, i| {
+    each(&mesh, &buffer, |x, y, f, i| {
         if (x, y) == (100, 100) {
             visited += 1;
             // Seen head on, a step of one sample on the unit sphere turns the normal by its own length; the facet makes
             // it a chord.
             let step = 2.0 * 3.0 * 17.5f32.to_radians().tan() / 201.0;
-            assert!((f.dn_dx[i] - Vec3::X * step).length() < 0.03 * step);
-            assert!((f.dn_dy[i] + Vec3::Y * step).length() < 0.03 * step);
+            assert!((f.normal_change(i)[0] - Vec3::X * step).length() < 0.03 * step);
+            assert!((f.normal_change(i)[1] + Vec3::Y * step).length() < 0.03 * step);
         }
     });
     assert_eq!(visited, 1);
@@ -279,7 +285,7 @@ fn any_window_and_any_number_of_threads_give_the_same_samples() {
         height: 60,
     };
     let mut expected = std::collections::BTreeMap::new();
-    each(&one, |x, y, f, i| {
+    each(&mesh, &one, |x, y, f, i| {
         if window
             .intersection(Rect {
                 x,
@@ -289,12 +295,12 @@ fn any_window_and_any_number_of_threads_give_the_same_samples() {
             })
             .is_some()
         {
-            expected.insert((x, y), (f.triangle[i], f.depth[i], f.position[i], f.uv[i]));
+            expected.insert((x, y), (f.triangle[i], f.position(i), f.uv(i)));
         }
     });
     let mut found = std::collections::BTreeMap::new();
-    each(&run(2, window), |x, y, f, i| {
-        found.insert((x, y), (f.triangle[i], f.depth[i], f.position[i], f.uv[i]));
+    each(&mesh, &run(2, window), |x, y, f, i| {
+        found.insert((x, y), (f.triangle[i], f.position(i), f.uv(i)));
     });
     assert!(expected.len() > 500 && expected == found);
 }
@@ -312,12 +318,12 @@ fn culling_back_faces_changes_nothing_on_a_closed_surface() {
     let mut inverted = mesh.clone();
     inverted.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     let (mut far, mut near) = (0, 0);
-    each(&culled(&inverted), |_, _, f, i| {
-        assert!(f.back[i], "the normals decide, not the winding");
+    each(&inverted, &culled(&inverted), |_, _, f, i| {
+        assert_eq!(f.facing[i], -1.0, "the normals decide, not the winding");
         far += 1;
     });
-    each(&all, |_, _, f, i| {
-        assert!(!f.back[i]);
+    each(&mesh, &all, |_, _, f, i| {
+        assert_eq!(f.facing[i], 1.0);
         near += 1;
     });
     // Both cover the same samples but for those on the outline.
@@ -327,11 +333,11 @@ fn culling_back_faces_changes_nothing_on_a_closed_surface() {
 #[test]
 fn an_open_surface_knows_which_side_is_seen() {
     let mesh = one_triangle([Vec3::NEG_X, Vec3::X, Vec3::Y]);
-    for (z, behind) in [(5.0, false), (-5.0, true)] {
+    for (z, facing) in [(5.0, 1.0), (-5.0, -1.0)] {
         let (_, buffer) = draw(&mesh, &camera(Vec3::new(0.0, 0.5, z)), 50, 50);
         let mut count = 0;
-        each(&buffer, |_, _, f, i| {
-            assert_eq!(f.back[i], behind);
+        each(&mesh, &buffer, |_, _, f, i| {
+            assert_eq!(f.facing[i], facing);
             count += 1;
         });
         assert!(count > 100);
@@ -357,7 +363,9 @@ fn owners(points: &[Vec2], triangles: &[[u32; 3]], size: u32) -> Vec<u32> {
     for t in triangles {
         let mesh = one_triangle(t.map(|i| points[i as usize].extend(0.0)));
         let (_, buffer) = draw(&mesh, &flat(size), size, size);
-        each(&buffer, |x, y, _, _| count[(y * size + x) as usize] += 1);
+        each(&mesh, &buffer, |x, y, _, _| {
+            count[(y * size + x) as usize] += 1
+        });
     }
     count
 }
@@ -413,7 +421,7 @@ proptest! {
         let mesh = one_triangle(corners);
         let (view, buffer) = draw(&mesh, &camera(Vec3::new(0.0, 0.0, 5.0)), 48, 48);
         let mut seen = vec![None; 48 * 48];
-        each(&buffer, |x, y, f, i| seen[(y * 48 + x) as usize] = Some(f.position[i]));
+        each(&mesh, &buffer, |x, y, f, i| seen[(y * 48 + x) as usize] = Some(f.position(i)));
         let [a, b, c] = corners.map(|p| p.as_dvec3());
         let normal = (b - a).cross(c - a);
         for y in 0..48 {
@@ -453,10 +461,11 @@ proptest! {
         let scale = |v: f32| if mild { v % 10.0 } else { v };
         let corners = [0, 3, 6].map(|i| Vec3::new(scale(c[i]), scale(c[i + 1]), scale(c[i + 2])));
         for eye in [Vec3::new(0.0, 0.0, 5.0), Vec3::new(1e-3, 1e-4, 0.0)] {
-            let (_, buffer) = draw(&one_triangle(corners), &camera(eye), 16, 16);
-            each(&buffer, |_, _, f, i| {
-                assert!(f.normal[i].is_normalized());
-                assert!(!f.uv[i].is_nan() && !f.depth[i].is_nan());
+            let mesh = one_triangle(corners);
+            let (_, buffer) = draw(&mesh, &camera(eye), 16, 16);
+            each(&mesh, &buffer, |_, _, f, i| {
+                assert!(f.normal(i).is_normalized());
+                assert!(!f.uv(i).is_nan());
             });
         }
     }
@@ -471,16 +480,9 @@ fn needles_points_and_unreadable_corners_are_skipped() {
         [nan, Vec3::X, Vec3::Y],
         [Vec3::ZERO, Vec3::X, Vec3::new(f32::INFINITY, 0.0, 0.0)],
     ] {
-        let (_, buffer) = draw(
-            &one_triangle(corners),
-            &camera(Vec3::new(0.0, 0.0, 5.0)),
-            64,
-            64,
-        );
-        assert!(
-            buffer.tiles().iter().all(|t| t.fragments.is_empty()),
-            "{corners:?}"
-        );
+        let mesh = one_triangle(corners);
+        let (_, buffer) = draw(&mesh, &camera(Vec3::new(0.0, 0.0, 5.0)), 64, 64);
+        each(&mesh, &buffer, |_, _, _, _| panic!("{corners:?}"));
     }
     // A fan of needles, each thinner than a sample, still covers what it covers, once.
     let mut points = vec![Vec2::new(16.0, 16.0)];

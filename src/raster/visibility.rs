@@ -1,253 +1,458 @@
 //! Which triangle each sample sees: fixed-point edge functions over tiles, nearest depth wins.
+//!
+//! Three passes, each spread over all cores: corners to fixed point; triangles to [`Setup`]s, a block of them at a time, which
+//! each block sorts into the tiles it touches; tiles, each of which draws the blocks' triangles in the mesh's order. A row of
+//! [`LANES`] samples is decided at once by whole-number arithmetic, so the same loop compiled for any CPU level gives the same
+//! samples.
 
 use super::camera::{Vertex, View};
 use super::clip::clip;
 use super::{Cull, TILE};
 use crate::error::Result;
 use crate::map::Rect;
+use crate::math;
 use crate::mesh::Mesh;
 use crate::progress::Progress;
+use fearless_simd::{Simd, dispatch};
+use fearless_simd_macros::simd;
 use rayon::prelude::*;
 
 /// Fractional bits of a screen coordinate.
-const SUBPIXEL: i64 = 1 << 8;
-/// Farther out than the guard band reaches: a corner that rounding threw there (planet-sized triangles) is not drawn.
-const FAR_OUT: i64 = 1 << 29;
+const SUBPIXEL_BITS: u32 = 8;
+const SUBPIXEL: i64 = 1 << SUBPIXEL_BITS;
+/// Farther out than the guard band reaches: a corner that rounding threw there (planet-sized triangles) is not drawn. The
+/// edge functions of what is inside fit 32 bits wherever the edge crosses a tile.
+const FAR_OUT: f64 = (40_000 * SUBPIXEL) as f64;
 /// No triangle.
 pub(super) const NOTHING: u32 = u32::MAX;
 /// Triangles that are set up and binned at a time: bounds the memory of the bins.
-const BATCH: usize = 1 << 15;
+const BATCH: usize = 1 << 17;
+/// Triangles of a block.
+const BLOCK: usize = 1 << 10;
+/// Samples that are decided at once.
+const LANES: usize = 16;
+/// Samples from one row of a tile to the next: a row of lanes may begin at any of its samples.
+pub(super) const STRIDE: usize = TILE as usize + LANES;
 
-/// What the samples of one tile see so far, in row order.
+/// What the samples of one tile see so far: rows of [`STRIDE`], or nothing at all while no triangle was near.
 pub(super) struct Seen {
     pub(super) rect: Rect,
-    /// Index of the mesh's triangle, or [`NOTHING`].
+    /// Index of the mesh's triangle, or [`NOTHING`]. Past the tile's width there is rubbish.
     pub(super) triangle: Vec<u32>,
     /// See [`View::depth`].
-    pub(super) depth: Vec<f32>,
+    depth: Vec<f32>,
+}
+
+/// A corner in fixed point.
+#[derive(Clone, Copy)]
+struct Corner {
+    vertex: Vertex,
+    depth: f64,
+    /// [`Corner::CLIP`] where the corner has no place of its own.
+    x: i32,
+    y: i32,
+}
+
+impl Corner {
+    const CLIP: i32 = i32::MIN;
+
+    fn new(view: &View, vertex: Vertex) -> Self {
+        let inverse = 1.0 / vertex.h.z;
+        let (cx, cy) = view.centre();
+        let (x, y) = (vertex.h.x * inverse, vertex.h.y * inverse);
+        let guard = super::clip::GUARD;
+        // NaN is not inside.
+        let inside =
+            vertex.distance >= view.near() && (x - cx).abs() <= guard && (y - cy).abs() <= guard;
+        let fixed = |v: f64| (v * SUBPIXEL as f64).round() as i32;
+        Self {
+            vertex,
+            depth: view.depth(&vertex),
+            x: if inside { fixed(x) } else { Self::CLIP },
+            y: if inside { fixed(y) } else { Self::CLIP },
+        }
+    }
+
+    /// A corner that clipping made: on the border of what is inside.
+    fn clipped(view: &View, vertex: &Vertex) -> Option<Self> {
+        let inverse = 1.0 / vertex.h.z;
+        let fixed = |v: f64| {
+            let v = (v * SUBPIXEL as f64).round();
+            (v.abs() <= FAR_OUT).then_some(v as i32)
+        };
+        Some(Self {
+            vertex: *vertex,
+            depth: view.depth(vertex),
+            x: fixed(vertex.h.x * inverse)?,
+            y: fixed(vertex.h.y * inverse)?,
+        })
+    }
 }
 
 /// A triangle ready to be drawn, turned so that its inside is where the edge functions are positive.
 #[derive(Clone, Copy)]
 struct Setup {
-    x: [i64; 3],
-    y: [i64; 3],
-    depth: [f64; 3],
+    x: [i32; 3],
+    y: [i32; 3],
     /// First and last column and row whose centre may be inside, in samples; may lie outside the window.
-    columns: (i64, i64),
-    rows: (i64, i64),
+    columns: (i32, i32),
+    rows: (i32, i32),
+    /// Depth at the first column and row, its change per sample, and the least and the greatest there is.
+    depth: f32,
+    depth_dx: f32,
+    depth_dy: f32,
+    depth_range: (f32, f32),
     triangle: u32,
 }
 
-/// A linear function over samples: `value + dx column + dy row`, inside where it is at least 0.
-#[derive(Clone, Copy)]
+/// A linear function over samples, inside where it is at least 0.
+#[derive(Clone, Copy, Default)]
 struct Edge {
-    value: i64,
-    dx: i64,
-    dy: i64,
-    /// 0 when samples exactly on the edge belong to the triangle (a top or left edge), else -1.
-    bias: i64,
-}
-
-impl Edge {
-    fn at(&self, column: i64, row: i64) -> i64 {
-        self.value + self.dx * column + self.dy * row
-    }
+    value: i32,
+    dx: i32,
+    dy: i32,
 }
 
 impl Setup {
-    fn new(view: &View, corners: [&Vertex; 3], triangle: u32, cull: Cull) -> Option<Self> {
-        let fixed = |v: f64| (v * SUBPIXEL as f64).round() as i64;
-        let mut x = corners.map(|v| fixed(v.h.x / v.h.z));
-        let mut y = corners.map(|v| fixed(v.h.y / v.h.z));
-        if x.iter()
-            .chain(&y)
-            .any(|c| !(-FAR_OUT..=FAR_OUT).contains(c))
-        {
-            return None;
-        }
-        let mut depth = corners.map(|v| view.depth(v));
-        let area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
+    fn new(corners: [&Corner; 3], triangle: u32, cull: Cull) -> Option<Self> {
+        let [a, mut b, mut c] = corners;
+        let wide = i64::from;
+        let area = |b: &Corner, c: &Corner| {
+            wide(b.x - a.x) * wide(c.y - a.y) - wide(c.x - a.x) * wide(b.y - a.y)
+        };
+        let mut twice = area(b, c);
         // Rows run downward, so a counter-clockwise triangle has a negative area here.
-        if area == 0 || (area > 0 && cull == Cull::Back) {
+        if twice == 0 || (twice > 0 && cull == Cull::Back) {
             return None;
         }
-        if area < 0 {
-            x.swap(1, 2);
-            y.swap(1, 2);
-            depth.swap(1, 2);
+        if twice < 0 {
+            std::mem::swap(&mut b, &mut c);
+            twice = -twice;
         }
         // Centres lie at half samples.
-        let range = |c: [i64; 3]| {
-            let low = c.into_iter().min().unwrap_or(0) - SUBPIXEL / 2;
-            let high = c.into_iter().max().unwrap_or(0) - SUBPIXEL / 2;
-            (-(-low).div_euclid(SUBPIXEL), high.div_euclid(SUBPIXEL))
+        let range = |p: i32, q: i32, r: i32| {
+            let half = SUBPIXEL as i32 / 2;
+            let low = p.min(q).min(r) - half;
+            let high = p.max(q).max(r) - half;
+            (-(-low >> SUBPIXEL_BITS), high >> SUBPIXEL_BITS)
         };
-        let (columns, rows) = (range(x), range(y));
-        (columns.0 <= columns.1 && rows.0 <= rows.1).then_some(Self {
-            x,
-            y,
-            depth,
+        let (columns, rows) = (range(a.x, b.x, c.x), range(a.y, b.y, c.y));
+        if columns.0 > columns.1 || rows.0 > rows.1 {
+            return None;
+        }
+        let (db, dc) = (b.depth - a.depth, c.depth - a.depth);
+        let per = SUBPIXEL as f64 / twice as f64;
+        let depth_dx = (db * f64::from(c.y - a.y) - dc * f64::from(b.y - a.y)) * per;
+        let depth_dy = (dc * f64::from(b.x - a.x) - db * f64::from(c.x - a.x)) * per;
+        let offset = |first: i32, at: i32| f64::from(first) + 0.5 - f64::from(at) / SUBPIXEL as f64;
+        let depth = a.depth + depth_dx * offset(columns.0, a.x) + depth_dy * offset(rows.0, a.y);
+        Some(Self {
+            x: [a.x, b.x, c.x],
+            y: [a.y, b.y, c.y],
             columns,
             rows,
+            depth: depth as f32,
+            depth_dx: depth_dx as f32,
+            depth_dy: depth_dy as f32,
+            depth_range: (
+                a.depth.min(b.depth).min(c.depth) as f32,
+                a.depth.max(b.depth).max(c.depth) as f32,
+            ),
             triangle,
         })
     }
 
-    /// The edge opposite corner `i`, as a function of (column, row) of sample centres.
-    fn edge(&self, i: usize) -> Edge {
+    /// The edge opposite corner `i`, its value that at the first of `columns` and `rows`. `None` when all of them lie outside;
+    /// an edge that they all lie inside of is 0 everywhere.
+    #[inline(always)]
+    fn edge(&self, i: usize, columns: (i32, i32), rows: (i32, i32)) -> Option<Edge> {
         let (a, b) = ((i + 1) % 3, (i + 2) % 3);
         let (ex, ey) = (self.x[b] - self.x[a], self.y[b] - self.y[a]);
-        let half = SUBPIXEL / 2;
+        // Samples exactly on the edge belong to the triangle where it is a top or left edge.
         let top_left = ey < 0 || (ey == 0 && ex > 0);
-        Edge {
-            value: ex * (half - self.y[a]) - ey * (half - self.x[a]),
-            dx: -ey * SUBPIXEL,
-            dy: ex * SUBPIXEL,
-            bias: if top_left { 0 } else { -1 },
+        let centre = |sample: i32| (i64::from(sample) << SUBPIXEL_BITS) + SUBPIXEL / 2;
+        let value = i64::from(ex) * (centre(rows.0) - i64::from(self.y[a]))
+            - i64::from(ey) * (centre(columns.0) - i64::from(self.x[a]))
+            - i64::from(!top_left);
+        // From sample to sample it changes by whole multiples of SUBPIXEL: the bits below tell nothing about its sign.
+        let value = value >> SUBPIXEL_BITS;
+        let (across, down) = (
+            i64::from(-ey) * i64::from(columns.1 - columns.0),
+            i64::from(ex) * i64::from(rows.1 - rows.0),
+        );
+        if value + across.max(0) + down.max(0) < 0 {
+            return None;
         }
+        if value + across.min(0) + down.min(0) >= 0 {
+            return Some(Edge::default());
+        }
+        Some(Edge {
+            value: value as i32,
+            dx: -ey,
+            dy: ex,
+        })
     }
 
+    #[inline(always)]
     fn draw(&self, seen: &mut Seen) {
         let rect = seen.rect;
-        let (left, top) = (i64::from(rect.x), i64::from(rect.y));
+        let (left, top) = (rect.x as i32, rect.y as i32);
         let columns = (
             self.columns.0.max(left),
-            self.columns.1.min(left + i64::from(rect.width) - 1),
+            self.columns.1.min(left + rect.width as i32 - 1),
         );
         let rows = (
             self.rows.0.max(top),
-            self.rows.1.min(top + i64::from(rect.height) - 1),
+            self.rows.1.min(top + rect.height as i32 - 1),
         );
-        let edges = [self.edge(0), self.edge(1), self.edge(2)];
-        // A tile that lies wholly outside one edge needs no loop.
-        let largest = |e: &Edge| {
-            e.at(
-                if e.dx > 0 { columns.1 } else { columns.0 },
-                if e.dy > 0 { rows.1 } else { rows.0 },
-            ) + e.bias
-        };
-        if edges.iter().any(|e| largest(e) < 0) {
+        if columns.0 > columns.1 || rows.0 > rows.1 {
             return;
         }
-        let area: i64 = edges.iter().map(|e| e.at(0, 0)).sum();
-        let depth = self.depth.map(|d| d / area as f64);
+        let blocks = (columns.1 - columns.0) / LANES as i32 + 1;
+        let reach = (columns.0, columns.0 + blocks * LANES as i32 - 1);
+        let Some(e0) = self.edge(0, reach, rows) else {
+            return;
+        };
+        let Some(e1) = self.edge(1, reach, rows) else {
+            return;
+        };
+        let Some(e2) = self.edge(2, reach, rows) else {
+            return;
+        };
+        let mut values = [e0.value, e1.value, e2.value];
         for row in rows.0..=rows.1 {
-            let mut e = edges.map(|e| e.at(columns.0, row));
-            let line = (row - top) as usize * rect.width as usize;
-            for column in columns.0..=columns.1 {
-                if ((e[0] + edges[0].bias) | (e[1] + edges[1].bias) | (e[2] + edges[2].bias)) >= 0 {
-                    let d =
-                        e[0] as f64 * depth[0] + e[1] as f64 * depth[1] + e[2] as f64 * depth[2];
-                    let place = line + (column - left) as usize;
-                    // Of two at one depth the first drawn stays.
-                    if d as f32 > seen.depth[place] {
-                        seen.depth[place] = d as f32;
-                        seen.triangle[place] = self.triangle;
-                    }
-                }
-                for (value, edge) in e.iter_mut().zip(&edges) {
-                    *value += edge.dx;
+            let line = (row - top) as usize * STRIDE + (columns.0 - left) as usize;
+            let depth = self.depth + self.depth_dy * (row - self.rows.0) as f32;
+            let mut at = values;
+            for block in 0..blocks {
+                let place = line + block as usize * LANES;
+                let first = columns.0 + block * LANES as i32 - self.columns.0;
+                self.lanes(
+                    at,
+                    [e0.dx, e1.dx, e2.dx],
+                    (depth, first),
+                    &mut seen.depth[place..][..LANES],
+                    &mut seen.triangle[place..][..LANES],
+                );
+                at[0] = at[0].wrapping_add(e0.dx.wrapping_mul(LANES as i32));
+                at[1] = at[1].wrapping_add(e1.dx.wrapping_mul(LANES as i32));
+                at[2] = at[2].wrapping_add(e2.dx.wrapping_mul(LANES as i32));
+            }
+            values[0] = values[0].wrapping_add(e0.dy);
+            values[1] = values[1].wrapping_add(e1.dy);
+            values[2] = values[2].wrapping_add(e2.dy);
+        }
+    }
+
+    /// One row of lanes: of two at one depth the first drawn stays.
+    #[inline(always)]
+    fn lanes(
+        &self,
+        at: [i32; 3],
+        dx: [i32; 3],
+        (depth, first): (f32, i32),
+        depths: &mut [f32],
+        triangles: &mut [u32],
+    ) {
+        let (low, high) = self.depth_range;
+        for j in 0..LANES {
+            let step = j as i32;
+            let e = (at[0].wrapping_add(dx[0].wrapping_mul(step)))
+                | (at[1].wrapping_add(dx[1].wrapping_mul(step)))
+                | (at[2].wrapping_add(dx[2].wrapping_mul(step)));
+            let d = depth + self.depth_dx * (first + step) as f32;
+            let d = if d < low { low } else { d };
+            let d = if d > high { high } else { d };
+            let nearer = (e >= 0) & (d > depths[j]);
+            depths[j] = if nearer { d } else { depths[j] };
+            triangles[j] = if nearer { self.triangle } else { triangles[j] };
+        }
+    }
+}
+
+/// The setups of a block of triangles, and for each tile that any of them touches which ones do.
+struct Block {
+    setups: Vec<Setup>,
+    /// The tiles touched, as columns and rows of tiles.
+    columns: std::ops::Range<usize>,
+    rows: std::ops::Range<usize>,
+    /// Where each of those tiles begins in `order`, and its end.
+    starts: Vec<u32>,
+    /// Places in `setups`, tile by tile, in order.
+    order: Vec<u16>,
+}
+
+impl Block {
+    fn new(setups: Vec<Setup>, window: Rect) -> Self {
+        let touched: Vec<_> = setups.iter().map(|s| tiles_of(s, window)).collect();
+        let (mut columns, mut rows) = (usize::MAX..0, usize::MAX..0);
+        for (c, r) in touched
+            .iter()
+            .filter(|(c, r)| !c.is_empty() && !r.is_empty())
+        {
+            columns = columns.start.min(c.start)..columns.end.max(c.end);
+            rows = rows.start.min(r.start)..rows.end.max(r.end);
+        }
+        let across = columns.len();
+        let mut block = Self {
+            setups,
+            starts: vec![0; across * rows.len() + 1],
+            order: Vec::new(),
+            columns,
+            rows,
+        };
+        let place =
+            |c: usize, r: usize| (r - block.rows.start) * across + (c - block.columns.start);
+        // Count, add up, fill: a counting sort keeps the order.
+        for (columns, rows) in &touched {
+            for r in rows.clone() {
+                for c in columns.clone() {
+                    block.starts[place(c, r) + 1] += 1;
                 }
             }
         }
+        for i in 1..block.starts.len() {
+            block.starts[i] += block.starts[i - 1];
+        }
+        let mut next = block.starts.clone();
+        block.order = vec![0; *next.last().unwrap_or(&0) as usize];
+        for (i, (columns, rows)) in touched.iter().enumerate() {
+            for r in rows.clone() {
+                for c in columns.clone() {
+                    let slot =
+                        &mut next[(r - block.rows.start) * across + (c - block.columns.start)];
+                    block.order[*slot as usize] = i as u16;
+                    *slot += 1;
+                }
+            }
+        }
+        block
     }
+
+    /// The setups that touch a tile.
+    fn tile(&self, column: usize, row: usize) -> &[u16] {
+        if !self.columns.contains(&column) || !self.rows.contains(&row) {
+            return &[];
+        }
+        let place = (row - self.rows.start) * self.columns.len() + (column - self.columns.start);
+        &self.order[self.starts[place] as usize..self.starts[place + 1] as usize]
+    }
+}
+
+/// The columns and rows of tiles of the window that a triangle's bounds touch.
+fn tiles_of(setup: &Setup, window: Rect) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+    let tiles = |(low, high): (i32, i32), start: u32, length: u32| {
+        let low = (low - start as i32).max(0);
+        let high = (high - start as i32).min(length as i32 - 1);
+        if low > high {
+            0..0
+        } else {
+            low as usize / TILE as usize..high as usize / TILE as usize + 1
+        }
+    };
+    (
+        tiles(setup.columns, window.x, window.width),
+        tiles(setup.rows, window.y, window.height),
+    )
 }
 
 /// Draws every triangle of the mesh into the tiles of the window.
 pub(super) fn draw(
     mesh: &Mesh,
+    vertices: &[Option<Vertex>],
     view: &View,
     window: Rect,
     cull: Cull,
     progress: &Progress<'_>,
 ) -> Result<Vec<Seen>> {
-    let vertices: Vec<Option<Vertex>> = mesh
-        .positions
+    let corners: Vec<Option<Corner>> = vertices
         .par_iter()
-        .map(|p| view.project(*p))
+        .with_min_len(4096)
+        .map(|v| v.map(|v| Corner::new(view, v)))
         .collect();
     let mut tiles: Vec<Seen> = window
         .tiles(TILE)
         .map(|rect| Seen {
             rect,
-            triangle: vec![NOTHING; rect.texels()],
-            depth: vec![f32::NEG_INFINITY; rect.texels()],
+            triangle: Vec::new(),
+            depth: Vec::new(),
         })
         .collect();
+    let across = window.width.div_ceil(TILE) as usize;
     for (batch, triangles) in mesh.triangles.chunks(BATCH).enumerate() {
         progress.check()?;
         let first = batch * BATCH;
-        let setups: Vec<Setup> = triangles
-            .par_chunks(1024)
+        let last = first + triangles.len() == mesh.triangles.len();
+        let blocks: Vec<Block> = triangles
+            .par_chunks(BLOCK)
             .enumerate()
-            .flat_map_iter(|(chunk, some)| {
+            .map(|(block, some)| {
                 let mut setups = Vec::with_capacity(some.len());
                 for (i, triangle) in some.iter().enumerate() {
-                    let index = (first + chunk * 1024 + i) as u32;
-                    set_up(view, &vertices, *triangle, index, cull, &mut setups);
+                    let index = (first + block * BLOCK + i) as u32;
+                    set_up(view, &corners, *triangle, index, cull, &mut setups);
                 }
-                setups
+                Block::new(setups, window)
             })
             .collect();
-        let bins = bin(&setups, window);
-        tiles.par_iter_mut().zip(&bins).for_each(|(tile, bin)| {
-            for &i in bin {
-                setups[i as usize].draw(tile);
+        tiles.par_iter_mut().enumerate().for_each(|(i, tile)| {
+            draw_tile(&blocks, (i % across, i / across), tile);
+            if last {
+                tile.depth = Vec::new();
             }
         });
     }
     Ok(tiles)
 }
 
+fn draw_tile(blocks: &[Block], (column, row): (usize, usize), tile: &mut Seen) {
+    let level = math::level();
+    for block in blocks {
+        let order = block.tile(column, row);
+        if order.is_empty() {
+            continue;
+        }
+        if tile.triangle.is_empty() {
+            let samples = STRIDE * tile.rect.height as usize;
+            tile.triangle = vec![NOTHING; samples];
+            tile.depth = vec![f32::NEG_INFINITY; samples];
+        }
+        dispatch!(level, simd => draw_all(simd, &block.setups, order, tile));
+    }
+}
+
+#[simd]
+fn draw_all<S: Simd>(_: S, setups: &[Setup], order: &[u16], tile: &mut Seen) {
+    for &i in order {
+        setups[i as usize].draw(tile);
+    }
+}
+
 fn set_up(
     view: &View,
-    vertices: &[Option<Vertex>],
+    corners: &[Option<Corner>],
     triangle: [u32; 3],
     index: u32,
     cull: Cull,
     setups: &mut Vec<Setup>,
 ) {
-    let [Some(a), Some(b), Some(c)] = triangle.map(|i| vertices[i as usize]) else {
+    let [Some(a), Some(b), Some(c)] = triangle.map(|i| corners[i as usize].as_ref()) else {
         return;
     };
-    let Some(polygon) = clip(view, [a, b, c]) else {
+    if a.x != Corner::CLIP && b.x != Corner::CLIP && c.x != Corner::CLIP {
+        setups.extend(Setup::new([a, b, c], index, cull));
+        return;
+    }
+    let Some(polygon) = clip(view, [a.vertex, b.vertex, c.vertex]) else {
         return;
     };
-    let corners = polygon.corners();
-    for pair in corners[1..].windows(2) {
-        setups.extend(Setup::new(
-            view,
-            [&corners[0], &pair[0], &pair[1]],
-            index,
-            cull,
-        ));
+    let pieces = polygon.corners();
+    for pair in pieces[1..].windows(2) {
+        let [Some(a), Some(b), Some(c)] =
+            [&pieces[0], &pair[0], &pair[1]].map(|v| Corner::clipped(view, v))
+        else {
+            continue;
+        };
+        setups.extend(Setup::new([&a, &b, &c], index, cull));
     }
-}
-
-/// For each tile of the window the setups whose bounds touch it, in order.
-fn bin(setups: &[Setup], window: Rect) -> Vec<Vec<u32>> {
-    let across = window.width.div_ceil(TILE) as usize;
-    let down = window.height.div_ceil(TILE) as usize;
-    let mut bins = vec![Vec::new(); across * down];
-    let tiles = |(low, high): (i64, i64), start: u32, length: u32| {
-        let start = i64::from(start);
-        let low = (low - start).max(0);
-        let high = (high - start).min(i64::from(length) - 1);
-        let tile = i64::from(TILE);
-        if low > high {
-            0..0
-        } else {
-            (low / tile) as usize..(high / tile) as usize + 1
-        }
-    };
-    for (i, setup) in setups.iter().enumerate() {
-        let columns = tiles(setup.columns, window.x, window.width);
-        for row in tiles(setup.rows, window.y, window.height) {
-            for column in columns.clone() {
-                bins[row * across + column].push(i as u32);
-            }
-        }
-    }
-    bins
 }

@@ -1,0 +1,368 @@
+//! The loops of shading over packed fragments, [`CHUNK`] of them at a time: arrays of one number each that stay in the first
+//! cache, and no branch, so that every CPU level compiles them to its widest vectors and gives the same bits.
+
+use crate::brdf::kernel;
+use crate::filter::Pyramid;
+use crate::map::{ALPHA_MAX, ALPHA_MIN};
+use crate::math::AXIS_MIN_LENGTH;
+use fearless_simd::Simd;
+use fearless_simd_macros::simd;
+use glam::Vec2;
+use std::f32::consts::FRAC_1_PI;
+
+/// Fragments that are worked on at once.
+pub(super) const CHUNK: usize = 256;
+/// One number of each.
+pub(super) type Lane = [f32; CHUNK];
+
+/// The least cosine between normal and view of a fragment that is seen.
+const GRAZING_MIN: f32 = 1e-4;
+/// The most that the change of the normal over the sample may raise it to: triangles seen edge-on change without bound.
+const GRAZING_MAX: f32 = 0.2;
+/// The most variance that curvature may add: 0.18 of alpha², as Tokuyoshi and Kaplanyan (2019) limit it.
+const CURVATURE_MAX: f32 = 0.09;
+
+/// A chunk on its way from fragments to light.
+pub(super) struct Chunk {
+    pub(super) position: [Lane; 3],
+    /// Tangent, bitangent, and the normal of the side that is seen.
+    frame: [[Lane; 3]; 3],
+    /// 1 where the mesh gives a tangent, else 0.
+    usable: Lane,
+    /// The unit vector to the viewer in the frame.
+    pub(super) view: [Lane; 3],
+    /// The variance of slope inside a sample, in the tangent frame, that the surface's bend alone makes: uu, uv, vv.
+    bend: [Lane; 3],
+    /// alpha_x, alpha_y, cos 2θ, sin 2θ: blended, not yet of unit length.
+    pub(super) texel: [[f32; 4]; CHUNK],
+    /// The prepared lobe.
+    pub(super) lobe: [Lane; 4],
+    /// The unit vector to a light in the frame, and the share of its irradiance that arrives.
+    pub(super) light: [Lane; 3],
+    falloff: Lane,
+    /// f_r n.l of that light.
+    pub(super) reflected: Lane,
+    /// Light toward the viewer so far: red, green, blue.
+    pub(super) radiance: [Lane; 3],
+}
+
+/// The fragments of a chunk, as [`Fragments`](crate::raster::Fragments) holds them.
+#[derive(Clone, Copy)]
+pub(super) struct Given<'a> {
+    pub(super) facing: &'a [f32],
+    pub(super) position: &'a [[f32; 4]],
+    pub(super) normal: &'a [[f32; 4]],
+    pub(super) tangent: &'a [[f32; 4]],
+    /// Of the normal; empty where nothing is widened.
+    pub(super) normal_dx: &'a [[f32; 4]],
+    pub(super) normal_dy: &'a [[f32; 4]],
+}
+
+impl Chunk {
+    pub(super) fn new() -> Self {
+        let zero = [0.0; CHUNK];
+        Self {
+            position: [zero; 3],
+            frame: [[zero; 3]; 3],
+            usable: zero,
+            view: [zero; 3],
+            bend: [zero; 3],
+            texel: [[0.0; 4]; CHUNK],
+            lobe: [zero; 4],
+            light: [zero; 3],
+            falloff: [1.0; CHUNK],
+            reflected: zero,
+            radiance: [zero; 3],
+        }
+    }
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn scaled(a: [f32; 3], f: f32) -> [f32; 3] {
+    [a[0] * f, a[1] * f, a[2] * f]
+}
+
+#[inline(always)]
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+#[inline(always)]
+fn at_least(x: f32, low: f32) -> f32 {
+    if x < low { low } else { x }
+}
+
+#[inline(always)]
+fn at_most(x: f32, high: f32) -> f32 {
+    if x > high { high } else { x }
+}
+
+/// Frame, view and position of each fragment; `viewer` as [`View::viewer`](crate::raster::View) gives it. The rules are those
+/// of [`Frame::new`](crate::math::Frame::new).
+#[simd]
+pub(super) fn frames<S: Simd>(
+    _: S,
+    chunk: &mut Chunk,
+    given: Given<'_>,
+    (viewer, w): ([f32; 3], f32),
+) {
+    let n = given.position.len().min(CHUNK);
+    let (facing, position) = (&given.facing[..n], &given.position[..n]);
+    let (normal, tangent) = (&given.normal[..n], &given.tangent[..n]);
+    for i in 0..n {
+        let ([px, py, pz, hand], [nx, ny, nz, _], [tx, ty, tz, _]) =
+            (position[i], normal[i], tangent[i]);
+        let n = [nx, ny, nz];
+        let n = scaled(n, 1.0 / dot(n, n).sqrt());
+        let given = [tx, ty, tz];
+        let along = dot(n, given);
+        let t = [tx - n[0] * along, ty - n[1] * along, tz - n[2] * along];
+        let (length, whole) = (dot(t, t).sqrt(), dot(given, given).sqrt());
+        // A tangent closer to the normal than about 0.006 degrees has no digits left; NaN fails the test too.
+        let usable = (length > 1e-4 * whole) & (length > 1e-18) & (length < 1e18);
+        let t = scaled(t, 1.0 / length);
+        // Any perpendicular instead (Duff et al. 2017): such a point is lit as isotropic.
+        let sign = if n[2] < 0.0 { -1.0 } else { 1.0 };
+        let a = -1.0 / (sign + n[2]);
+        let other = [
+            1.0 + sign * n[0] * n[0] * a,
+            sign * n[0] * n[1] * a,
+            -sign * n[0],
+        ];
+        let t = [0, 1, 2].map(|c| if usable { t[c] } else { other[c] });
+        let b = scaled(cross(n, t), if hand < 0.0 { -1.0 } else { 1.0 });
+        let n = scaled(n, facing[i]);
+        let e = [viewer[0] - w * px, viewer[1] - w * py, viewer[2] - w * pz];
+        let e = scaled(e, 1.0 / dot(e, e).sqrt());
+        chunk.usable[i] = if usable { 1.0 } else { 0.0 };
+        let local = [dot(e, t), dot(e, b), dot(e, n)];
+        for c in 0..3 {
+            chunk.position[c][i] = [px, py, pz][c];
+            chunk.frame[0][c][i] = t[c];
+            chunk.frame[1][c][i] = b[c];
+            chunk.frame[2][c][i] = n[c];
+            chunk.view[c][i] = local[c];
+        }
+    }
+}
+
+/// The bend of each fragment, and its view raised to what a sample at the outline shows on the mean.
+#[simd]
+pub(super) fn bends<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>) {
+    let n = given.position.len().min(CHUNK);
+    let normal = &given.normal[..n];
+    let (dx, dy) = (&given.normal_dx[..n], &given.normal_dy[..n]);
+    for i in 0..n {
+        let lane = |v: &[Lane; 3]| [v[0][i], v[1][i], v[2][i]];
+        let [nx, ny, nz, _] = normal[i];
+        let inverse = 1.0 / dot([nx, ny, nz], [nx, ny, nz]).sqrt();
+        let [t, b, n] = [0, 1, 2].map(|k| lane(&chunk.frame[k]));
+        // The part at right angles to the normal; one that is not finite bends nothing.
+        let change = |[x, y, z, _]: [f32; 4]| {
+            let d = scaled([x, y, z], inverse);
+            let along = dot(n, d);
+            let d = [
+                d[0] - n[0] * along,
+                d[1] - n[1] * along,
+                d[2] - n[2] * along,
+            ];
+            let finite = dot(d, d) < f32::INFINITY;
+            d.map(|c| if finite { c } else { 0.0 })
+        };
+        let (dx, dy) = (change(dx[i]), change(dy[i]));
+        let (tx, ty, bx, by) = (dot(t, dx), dot(t, dy), dot(b, dx), dot(b, dy));
+        let bend = [tx * tx + ty * ty, tx * bx + ty * by, bx * bx + by * by];
+        let trace = (bend[0] + bend[2]) * (1.0 / 12.0);
+        let share = (1.0 / 12.0)
+            * if trace > CURVATURE_MAX {
+                CURVATURE_MAX / trace
+            } else {
+                1.0
+            };
+        for c in 0..3 {
+            chunk.bend[c][i] = bend[c] * share;
+        }
+        // The mean of |x| over an interval of width w around 0 is w / 4.
+        let v = lane(&chunk.view);
+        let across = (v[0] * tx + v[1] * bx).abs() + (v[0] * ty + v[1] * by).abs();
+        let grazing = at_most(at_least(0.25 * across, GRAZING_MIN), GRAZING_MAX);
+        let v = [v[0], v[1], at_least(v[2], grazing)];
+        let v = scaled(v, 1.0 / dot(v, v).sqrt());
+        for c in 0..3 {
+            chunk.view[c][i] = v[c];
+        }
+    }
+}
+
+/// Lobes from blended texels: a direction of unit length, none where the blend or the mesh has none, wider by the bend where
+/// `widen` says so, and prepared for the kernels.
+#[simd]
+pub(super) fn lobes<S: Simd>(_: S, chunk: &mut Chunk, n: usize, widen: bool) {
+    let n = n.min(CHUNK);
+    if widen {
+        for i in 0..n {
+            let texel = settled(chunk.texel[i], chunk.usable[i]);
+            let bend = [chunk.bend[0][i], chunk.bend[1][i], chunk.bend[2][i]];
+            let [x, y, c, s] = widened(texel, bend);
+            let lobe = kernel::prepare(x, y, c, s);
+            for k in 0..4 {
+                chunk.lobe[k][i] = lobe[k];
+            }
+        }
+    } else {
+        for i in 0..n {
+            let [x, y, c, s] = settled(chunk.texel[i], chunk.usable[i]);
+            let lobe = kernel::prepare(x, y, c, s);
+            for k in 0..4 {
+                chunk.lobe[k][i] = lobe[k];
+            }
+        }
+    }
+}
+
+/// As [`settle`](crate::map::settle), and of the same variance in every direction where the mesh has no tangent.
+#[inline(always)]
+fn settled([x, y, cos2, sin2]: [f32; 4], usable: f32) -> [f32; 4] {
+    let length = (cos2 * cos2 + sin2 * sin2).sqrt();
+    let settled = length >= AXIS_MIN_LENGTH;
+    let inverse = 1.0 / length;
+    let area = (x * y).sqrt();
+    let (x, y) = if settled { (x, y) } else { (area, area) };
+    let round = (0.5 * (x * x + y * y)).sqrt();
+    let directed = settled & (usable > 0.5);
+    let (x, y) = if usable > 0.5 { (x, y) } else { (round, round) };
+    let (c, s) = if directed {
+        (cos2 * inverse, sin2 * inverse)
+    } else {
+        (1.0, 0.0)
+    };
+    [x, y, c, s]
+}
+
+/// The lobe with more variance of slope; see [`SlopeCovariance::to_texel`](crate::map::SlopeCovariance::to_texel).
+#[inline(always)]
+fn widened([x, y, c, s]: [f32; 4], by: [f32; 3]) -> [f32; 4] {
+    let x_is_wide = x > y;
+    let narrow = if x_is_wide { y } else { x };
+    let (xx, yy) = (0.5 * x * x, 0.5 * y * y);
+    let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+    let (uu, uv, vv) = (
+        mean + half * c + by[0],
+        half * s + by[1],
+        mean - half * c + by[2],
+    );
+    let (dx, dy) = (uu - vv, 2.0 * uv);
+    let (length, trace) = ((dx * dx + dy * dy).sqrt(), uu + vv);
+    let wide = 0.5 * (trace + length);
+    // The small eigenvalue as determinant over the large one: no cancellation at ratios of 1000.
+    let small = at_least(uu * vv - uv * uv, 0.0) / wide;
+    let width = |variance: f32| at_most(at_least((2.0 * variance).sqrt(), ALPHA_MIN), ALPHA_MAX);
+    let (wide, small) = (width(wide), width(small));
+    let sign = if x_is_wide { 1.0 } else { -1.0 };
+    let turned = length > 1e-6 * trace;
+    let inverse = sign / length;
+    let axis = if turned {
+        (dx * inverse, dy * inverse)
+    } else {
+        (c, s)
+    };
+    let alpha = if x_is_wide {
+        (wide, small)
+    } else {
+        (small, wide)
+    };
+    // Under a thousandth of the variance it cannot be seen, and a ratio of 1000 would lose digits in the covariance.
+    let unseen = by[0] + by[2] < 0.5e-3 * narrow * narrow;
+    let choose = |a: f32, b: f32| if unseen { a } else { b };
+    [
+        choose(x, alpha.0),
+        choose(y, alpha.1),
+        choose(c, axis.0),
+        choose(s, axis.1),
+    ]
+}
+
+/// Light from one direction everywhere.
+#[simd]
+pub(super) fn toward_direction<S: Simd>(_: S, chunk: &mut Chunk, n: usize, toward: [f32; 3]) {
+    for i in 0..n.min(CHUNK) {
+        for c in 0..3 {
+            let axis = [0, 1, 2].map(|k| chunk.frame[c][k][i]);
+            chunk.light[c][i] = dot(toward, axis);
+        }
+        chunk.falloff[i] = 1.0;
+    }
+}
+
+/// Light from a place; a fragment that stands there gets none.
+#[simd]
+pub(super) fn toward_place<S: Simd>(_: S, chunk: &mut Chunk, n: usize, place: [f32; 3]) {
+    for i in 0..n.min(CHUNK) {
+        let d = [0, 1, 2].map(|k| place[k] - chunk.position[k][i]);
+        let square = dot(d, d);
+        let inverse = 1.0 / square.sqrt();
+        let near = !(square > 0.0);
+        for c in 0..3 {
+            let axis = [0, 1, 2].map(|k| chunk.frame[c][k][i]);
+            let along = dot(d, axis) * inverse;
+            chunk.light[c][i] = if near { 0.0 } else { along };
+        }
+        chunk.falloff[i] = 1.0 / at_least(square, 1e-12);
+    }
+}
+
+/// Adds a light: `diffuse` and `specular` are its irradiance times the surface's colours. With `seen_only`, nothing where the
+/// normal is bent away from the viewer.
+#[simd]
+pub(super) fn gather<S: Simd>(
+    _: S,
+    chunk: &mut Chunk,
+    n: usize,
+    (diffuse, specular): ([f32; 3], [f32; 3]),
+    seen_only: bool,
+) {
+    let diffuse = scaled(diffuse, FRAC_1_PI);
+    let least = if seen_only { 0.0 } else { -2.0 };
+    for i in 0..n.min(CHUNK) {
+        let lit = (chunk.light[2][i] > 0.0) & (chunk.view[2][i] > least);
+        let cosine = if lit {
+            chunk.light[2][i] * chunk.falloff[i]
+        } else {
+            0.0
+        };
+        let reflected = chunk.reflected[i] * chunk.falloff[i];
+        for c in 0..3 {
+            chunk.radiance[c][i] += diffuse[c] * cosine + specular[c] * reflected;
+        }
+    }
+}
+
+/// The map at each fragment's texture coordinate, and with `mips` over its footprint.
+pub(super) fn fetch(
+    pyramid: &Pyramid<'_>,
+    chunk: &mut Chunk,
+    given: Given<'_>,
+    v_change: Option<&[[f32; 2]]>,
+) {
+    let n = given.position.len();
+    let uv = |i: usize| Vec2::new(given.normal[i][3], given.tangent[i][3]);
+    pyramid.fetch_plain(uv, &mut chunk.texel[..n]);
+    let Some(v_change) = v_change else { return };
+    for i in 0..n {
+        let dx = Vec2::new(given.normal_dx[i][3], v_change[i][0]);
+        let dy = Vec2::new(given.normal_dy[i][3], v_change[i][1]);
+        if pyramid.is_minified(dx, dy) {
+            let t = pyramid.sample(uv(i), dx, dy);
+            chunk.texel[i] = [t.alpha_x, t.alpha_y, t.axis.cos2, t.axis.sin2];
+        }
+    }
+}
