@@ -287,7 +287,7 @@ fn main() {
     for case in [&with_map, &without] {
         let mut picture = case.picture();
         report(&case.name, ROUNDS, || {
-            case.draw(&mut picture, &Timings::off())
+            case.draw(&mut picture, &Timings::off());
         });
     }
     let mut picture = with_map.picture();

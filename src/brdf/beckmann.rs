@@ -11,7 +11,7 @@
 //! bounce between facets. f_r n.l stays finite to the horizon because G falls as n.l and n.v do.
 
 use super::{
-    guard, guard_f64, lobe, lobe_f64, scaled_lobe, slope_exponent, slope_exponent_f64, smith,
+    floors, guard_f64, lobe, lobe_f64, safe, scaled_lobe, slope_exponent, slope_exponent_f64, smith,
 };
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
@@ -49,11 +49,11 @@ pub fn evaluate_f64(l: DVec3, v: DVec3, alpha: DVec2) -> f64 {
 /// f_r n.l, safe; see [`shade`](super::shade).
 #[inline(always)]
 pub fn shade(l: Vec3, v: Vec3, alpha: Vec2) -> f32 {
-    guard(l, v, alpha, |l, v, alpha| {
-        let h = l + v;
-        let norm = FRAC_1_PI / (alpha.x * alpha.y) * smith::beckmann_visibility(l, v, alpha) * l.z;
-        norm * lobe(slope_exponent(h, alpha)) * stretch(h)
-    })
+    // No closure around something this long: it would not be inlined, and loops over it would stay scalar.
+    let (raised, alpha) = floors(v, alpha);
+    let h = l + raised;
+    let norm = FRAC_1_PI / (alpha.x * alpha.y) * smith::beckmann_visibility(l, raised, alpha) * l.z;
+    safe(l, v, norm * lobe(slope_exponent(h, alpha)) * stretch(h))
 }
 
 /// [`shade`] in f64.

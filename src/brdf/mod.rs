@@ -204,13 +204,24 @@ pub fn shade_f64(model: Model, l: DVec3, v: DVec3, alpha: DVec2) -> f64 {
 /// The floors and tests of [`shade`] around `form`, which gives f_r n.l. Selects only, no branch.
 #[inline(always)]
 fn guard(l: Vec3, v: Vec3, alpha: Vec2, form: impl Fn(Vec3, Vec3, Vec2) -> f32) -> f32 {
-    // Written so that a NaN stays one and ends as 0, instead of turning into the floor.
+    let (raised, widths) = floors(v, alpha);
+    safe(l, v, form(l, raised, widths))
+}
+
+/// The view and the widths that light is computed with. Written so that a NaN stays one and ends as 0, instead of turning
+/// into the floor.
+#[inline(always)]
+fn floors(v: Vec3, alpha: Vec2) -> (Vec3, Vec2) {
     let raised = |x: f32, floor: f32| if x < floor { floor } else { x };
-    let value = form(
-        l,
+    (
         Vec3::new(v.x, v.y, raised(v.z, COSINE_FLOOR)),
         Vec2::new(raised(alpha.x, ALPHA_FLOOR), raised(alpha.y, ALPHA_FLOOR)),
-    );
+    )
+}
+
+/// 0 in place of a value that is none.
+#[inline(always)]
+fn safe(l: Vec3, v: Vec3, value: f32) -> f32 {
     let lit = (l.z > 0.0) & (v.z > 0.0) & (value > 0.0) & (value < f32::INFINITY);
     if lit { value } else { 0.0 }
 }

@@ -97,6 +97,34 @@ fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 }
 
 #[inline(always)]
+fn get(lanes: &[Lane; 3], i: usize) -> [f32; 3] {
+    [lanes[0][i], lanes[1][i], lanes[2][i]]
+}
+
+#[inline(always)]
+fn put(lanes: &mut [Lane; 3], i: usize, [x, y, z]: [f32; 3]) {
+    lanes[0][i] = x;
+    lanes[1][i] = y;
+    lanes[2][i] = z;
+}
+
+/// The part of `a` at right angles to the unit vector `n`.
+#[inline(always)]
+fn beside(a: [f32; 3], n: [f32; 3]) -> [f32; 3] {
+    let along = dot(n, a);
+    [
+        a[0] - n[0] * along,
+        a[1] - n[1] * along,
+        a[2] - n[2] * along,
+    ]
+}
+
+#[inline(always)]
+fn choose(first: bool, a: f32, b: f32) -> f32 {
+    if first { a } else { b }
+}
+
+#[inline(always)]
 fn at_least(x: f32, low: f32) -> f32 {
     if x < low { low } else { x }
 }
@@ -131,27 +159,23 @@ pub(super) fn frames<S: Simd>(
         let usable = (length > 1e-4 * whole) & (length > 1e-18) & (length < 1e18);
         let t = scaled(t, 1.0 / length);
         // Any perpendicular instead (Duff et al. 2017): such a point is lit as isotropic.
-        let sign = if n[2] < 0.0 { -1.0 } else { 1.0 };
+        let sign = choose(n[2] < 0.0, -1.0, 1.0);
         let a = -1.0 / (sign + n[2]);
-        let other = [
-            1.0 + sign * n[0] * n[0] * a,
-            sign * n[0] * n[1] * a,
-            -sign * n[0],
+        let t = [
+            choose(usable, t[0], 1.0 + sign * n[0] * n[0] * a),
+            choose(usable, t[1], sign * n[0] * n[1] * a),
+            choose(usable, t[2], -sign * n[0]),
         ];
-        let t = [0, 1, 2].map(|c| if usable { t[c] } else { other[c] });
-        let b = scaled(cross(n, t), if hand < 0.0 { -1.0 } else { 1.0 });
+        let b = scaled(cross(n, t), choose(hand < 0.0, -1.0, 1.0));
         let n = scaled(n, facing[i]);
         let e = [viewer[0] - w * px, viewer[1] - w * py, viewer[2] - w * pz];
         let e = scaled(e, 1.0 / dot(e, e).sqrt());
-        chunk.usable[i] = if usable { 1.0 } else { 0.0 };
-        let local = [dot(e, t), dot(e, b), dot(e, n)];
-        for c in 0..3 {
-            chunk.position[c][i] = [px, py, pz][c];
-            chunk.frame[0][c][i] = t[c];
-            chunk.frame[1][c][i] = b[c];
-            chunk.frame[2][c][i] = n[c];
-            chunk.view[c][i] = local[c];
-        }
+        chunk.usable[i] = choose(usable, 1.0, 0.0);
+        put(&mut chunk.position, i, [px, py, pz]);
+        put(&mut chunk.frame[0], i, t);
+        put(&mut chunk.frame[1], i, b);
+        put(&mut chunk.frame[2], i, n);
+        put(&mut chunk.view, i, [dot(e, t), dot(e, b), dot(e, n)]);
     }
 }
 
@@ -162,45 +186,35 @@ pub(super) fn bends<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>) {
     let normal = &given.normal[..n];
     let (dx, dy) = (&given.normal_dx[..n], &given.normal_dy[..n]);
     for i in 0..n {
-        let lane = |v: &[Lane; 3]| [v[0][i], v[1][i], v[2][i]];
         let [nx, ny, nz, _] = normal[i];
         let inverse = 1.0 / dot([nx, ny, nz], [nx, ny, nz]).sqrt();
-        let [t, b, n] = [0, 1, 2].map(|k| lane(&chunk.frame[k]));
-        // The part at right angles to the normal; one that is not finite bends nothing.
-        let change = |[x, y, z, _]: [f32; 4]| {
-            let d = scaled([x, y, z], inverse);
-            let along = dot(n, d);
-            let d = [
-                d[0] - n[0] * along,
-                d[1] - n[1] * along,
-                d[2] - n[2] * along,
-            ];
-            let finite = dot(d, d) < f32::INFINITY;
-            d.map(|c| if finite { c } else { 0.0 })
-        };
-        let (dx, dy) = (change(dx[i]), change(dy[i]));
+        let (t, b) = (get(&chunk.frame[0], i), get(&chunk.frame[1], i));
+        let n = get(&chunk.frame[2], i);
+        let (dx, dy) = (bent(dx[i], inverse, n), bent(dy[i], inverse, n));
         let (tx, ty, bx, by) = (dot(t, dx), dot(t, dy), dot(b, dx), dot(b, dy));
         let bend = [tx * tx + ty * ty, tx * bx + ty * by, bx * bx + by * by];
         let trace = (bend[0] + bend[2]) * (1.0 / 12.0);
-        let share = (1.0 / 12.0)
-            * if trace > CURVATURE_MAX {
-                CURVATURE_MAX / trace
-            } else {
-                1.0
-            };
-        for c in 0..3 {
-            chunk.bend[c][i] = bend[c] * share;
-        }
+        let share = CURVATURE_MAX / at_least(trace, CURVATURE_MAX);
+        put(&mut chunk.bend, i, scaled(bend, (1.0 / 12.0) * share));
         // The mean of |x| over an interval of width w around 0 is w / 4.
-        let v = lane(&chunk.view);
+        let v = get(&chunk.view, i);
         let across = (v[0] * tx + v[1] * bx).abs() + (v[0] * ty + v[1] * by).abs();
         let grazing = at_most(at_least(0.25 * across, GRAZING_MIN), GRAZING_MAX);
         let v = [v[0], v[1], at_least(v[2], grazing)];
-        let v = scaled(v, 1.0 / dot(v, v).sqrt());
-        for c in 0..3 {
-            chunk.view[c][i] = v[c];
-        }
+        put(&mut chunk.view, i, scaled(v, 1.0 / dot(v, v).sqrt()));
     }
+}
+
+/// The change of the unit normal `n` at right angles to it; one that is not finite bends nothing.
+#[inline(always)]
+fn bent([x, y, z, _]: [f32; 4], inverse: f32, n: [f32; 3]) -> [f32; 3] {
+    let d = beside(scaled([x, y, z], inverse), n);
+    let finite = dot(d, d) < f32::INFINITY;
+    [
+        choose(finite, d[0], 0.0),
+        choose(finite, d[1], 0.0),
+        choose(finite, d[2], 0.0),
+    ]
 }
 
 /// Lobes from blended texels: a direction of unit length, none where the blend or the mesh has none, wider by the bend where
@@ -211,20 +225,21 @@ pub(super) fn lobes<S: Simd>(_: S, chunk: &mut Chunk, n: usize, widen: bool) {
     if widen {
         for i in 0..n {
             let texel = settled(chunk.texel[i], chunk.usable[i]);
-            let bend = [chunk.bend[0][i], chunk.bend[1][i], chunk.bend[2][i]];
-            let [x, y, c, s] = widened(texel, bend);
+            let [x, y, c, s] = widened(texel, get(&chunk.bend, i));
             let lobe = kernel::prepare(x, y, c, s);
-            for k in 0..4 {
-                chunk.lobe[k][i] = lobe[k];
-            }
+            chunk.lobe[0][i] = lobe[0];
+            chunk.lobe[1][i] = lobe[1];
+            chunk.lobe[2][i] = lobe[2];
+            chunk.lobe[3][i] = lobe[3];
         }
     } else {
         for i in 0..n {
             let [x, y, c, s] = settled(chunk.texel[i], chunk.usable[i]);
             let lobe = kernel::prepare(x, y, c, s);
-            for k in 0..4 {
-                chunk.lobe[k][i] = lobe[k];
-            }
+            chunk.lobe[0][i] = lobe[0];
+            chunk.lobe[1][i] = lobe[1];
+            chunk.lobe[2][i] = lobe[2];
+            chunk.lobe[3][i] = lobe[3];
         }
     }
 }
@@ -236,86 +251,75 @@ fn settled([x, y, cos2, sin2]: [f32; 4], usable: f32) -> [f32; 4] {
     let settled = length >= AXIS_MIN_LENGTH;
     let inverse = 1.0 / length;
     let area = (x * y).sqrt();
-    let (x, y) = if settled { (x, y) } else { (area, area) };
+    let (x, y) = (choose(settled, x, area), choose(settled, y, area));
     let round = (0.5 * (x * x + y * y)).sqrt();
-    let directed = settled & (usable > 0.5);
-    let (x, y) = if usable > 0.5 { (x, y) } else { (round, round) };
-    let (c, s) = if directed {
-        (cos2 * inverse, sin2 * inverse)
-    } else {
-        (1.0, 0.0)
-    };
-    [x, y, c, s]
+    let usable = usable > 0.5;
+    let directed = settled & usable;
+    [
+        choose(usable, x, round),
+        choose(usable, y, round),
+        choose(directed, cos2 * inverse, 1.0),
+        choose(directed, sin2 * inverse, 0.0),
+    ]
 }
 
 /// The lobe with more variance of slope; see [`SlopeCovariance::to_texel`](crate::map::SlopeCovariance::to_texel).
 #[inline(always)]
 fn widened([x, y, c, s]: [f32; 4], by: [f32; 3]) -> [f32; 4] {
     let x_is_wide = x > y;
-    let narrow = if x_is_wide { y } else { x };
+    let narrow = choose(x_is_wide, y, x);
     let (xx, yy) = (0.5 * x * x, 0.5 * y * y);
     let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
-    let (uu, uv, vv) = (
-        mean + half * c + by[0],
-        half * s + by[1],
-        mean - half * c + by[2],
-    );
+    let (uu, vv) = (mean + half * c + by[0], mean - half * c + by[2]);
+    let uv = half * s + by[1];
     let (dx, dy) = (uu - vv, 2.0 * uv);
     let (length, trace) = ((dx * dx + dy * dy).sqrt(), uu + vv);
     let wide = 0.5 * (trace + length);
     // The small eigenvalue as determinant over the large one: no cancellation at ratios of 1000.
     let small = at_least(uu * vv - uv * uv, 0.0) / wide;
-    let width = |variance: f32| at_most(at_least((2.0 * variance).sqrt(), ALPHA_MIN), ALPHA_MAX);
     let (wide, small) = (width(wide), width(small));
-    let sign = if x_is_wide { 1.0 } else { -1.0 };
     let turned = length > 1e-6 * trace;
-    let inverse = sign / length;
-    let axis = if turned {
-        (dx * inverse, dy * inverse)
-    } else {
-        (c, s)
-    };
-    let alpha = if x_is_wide {
-        (wide, small)
-    } else {
-        (small, wide)
-    };
+    let inverse = choose(x_is_wide, 1.0, -1.0) / length;
     // Under a thousandth of the variance it cannot be seen, and a ratio of 1000 would lose digits in the covariance.
     let unseen = by[0] + by[2] < 0.5e-3 * narrow * narrow;
-    let choose = |a: f32, b: f32| if unseen { a } else { b };
+    let kept = unseen | !turned;
     [
-        choose(x, alpha.0),
-        choose(y, alpha.1),
-        choose(c, axis.0),
-        choose(s, axis.1),
+        choose(unseen, x, choose(x_is_wide, wide, small)),
+        choose(unseen, y, choose(x_is_wide, small, wide)),
+        choose(kept, c, dx * inverse),
+        choose(kept, s, dy * inverse),
     ]
+}
+
+#[inline(always)]
+fn width(variance: f32) -> f32 {
+    at_most(at_least((2.0 * variance).sqrt(), ALPHA_MIN), ALPHA_MAX)
 }
 
 /// Light from one direction everywhere.
 #[simd]
 pub(super) fn toward_direction<S: Simd>(_: S, chunk: &mut Chunk, n: usize, toward: [f32; 3]) {
     for i in 0..n.min(CHUNK) {
-        for c in 0..3 {
-            let axis = [0, 1, 2].map(|k| chunk.frame[c][k][i]);
-            chunk.light[c][i] = dot(toward, axis);
-        }
+        let t = dot(toward, get(&chunk.frame[0], i));
+        let b = dot(toward, get(&chunk.frame[1], i));
+        let n = dot(toward, get(&chunk.frame[2], i));
+        put(&mut chunk.light, i, [t, b, n]);
         chunk.falloff[i] = 1.0;
     }
 }
 
-/// Light from a place; a fragment that stands there gets none.
+/// Light from a place; a fragment that stands there gets none, since the vector to it is 0.
 #[simd]
 pub(super) fn toward_place<S: Simd>(_: S, chunk: &mut Chunk, n: usize, place: [f32; 3]) {
     for i in 0..n.min(CHUNK) {
-        let d = [0, 1, 2].map(|k| place[k] - chunk.position[k][i]);
+        let p = get(&chunk.position, i);
+        let d = [place[0] - p[0], place[1] - p[1], place[2] - p[2]];
         let square = dot(d, d);
-        let inverse = 1.0 / square.sqrt();
-        let near = !(square > 0.0);
-        for c in 0..3 {
-            let axis = [0, 1, 2].map(|k| chunk.frame[c][k][i]);
-            let along = dot(d, axis) * inverse;
-            chunk.light[c][i] = if near { 0.0 } else { along };
-        }
+        let inverse = 1.0 / at_least(square, f32::MIN_POSITIVE).sqrt();
+        let t = dot(d, get(&chunk.frame[0], i));
+        let b = dot(d, get(&chunk.frame[1], i));
+        let n = dot(d, get(&chunk.frame[2], i));
+        put(&mut chunk.light, i, scaled([t, b, n], inverse));
         chunk.falloff[i] = 1.0 / at_least(square, 1e-12);
     }
 }
@@ -334,15 +338,15 @@ pub(super) fn gather<S: Simd>(
     let least = if seen_only { 0.0 } else { -2.0 };
     for i in 0..n.min(CHUNK) {
         let lit = (chunk.light[2][i] > 0.0) & (chunk.view[2][i] > least);
-        let cosine = if lit {
-            chunk.light[2][i] * chunk.falloff[i]
-        } else {
-            0.0
-        };
+        let cosine = choose(lit, chunk.light[2][i], 0.0) * chunk.falloff[i];
         let reflected = chunk.reflected[i] * chunk.falloff[i];
-        for c in 0..3 {
-            chunk.radiance[c][i] += diffuse[c] * cosine + specular[c] * reflected;
-        }
+        let light = get(&chunk.radiance, i);
+        let light = [
+            light[0] + (diffuse[0] * cosine + specular[0] * reflected),
+            light[1] + (diffuse[1] * cosine + specular[1] * reflected),
+            light[2] + (diffuse[2] * cosine + specular[2] * reflected),
+        ];
+        put(&mut chunk.radiance, i, light);
     }
 }
 

@@ -200,9 +200,15 @@ impl<'a> Shader<'a> {
 
     /// One sample a pixel: its light is the pixel.
     fn write(&self, places: &[u16], width: u32, chunk: &Chunk, lines: &mut [&mut [[f32; 3]]]) {
+        let width = width as usize;
+        let (mut y, mut start) = (0, 0);
         for (i, &place) in places.iter().enumerate() {
-            let (x, y) = (u32::from(place) % width, u32::from(place) / width);
-            lines[y as usize][x as usize] = chunk.radiance.each_ref().map(|c| c[i] * self.gain);
+            // In row order, so that no division is needed.
+            while place as usize >= start + width {
+                y += 1;
+                start += width;
+            }
+            lines[y][place as usize - start] = chunk.radiance.each_ref().map(|c| c[i] * self.gain);
         }
     }
 

@@ -137,9 +137,11 @@ impl GBuffer {
 
 fn vertices(mesh: &Mesh, view: &View) -> resolve::Vertices {
     let all = || (0..mesh.positions.len()).into_par_iter().with_min_len(2048);
+    let projected: Vec<_> = all().map(|i| view.project(mesh.positions[i])).collect();
     resolve::Vertices {
-        projected: all().map(|i| view.project(mesh.positions[i])).collect(),
+        seen: all().map(|i| resolve::Place::new(projected[i])).collect(),
         rows: all().map(|i| resolve::Row::new(mesh, i)).collect(),
+        projected,
     }
 }
 

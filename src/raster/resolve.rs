@@ -7,8 +7,11 @@
 use super::camera::{Vertex, View};
 use super::visibility::{NOTHING, STRIDE};
 use crate::map::Rect;
+use crate::math;
 use crate::mesh::Mesh;
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use fearless_simd::{Simd, dispatch};
+use fearless_simd_macros::simd;
+use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 
 /// The fragments of a tile, packed: one entry per sample that sees something, in row order. Vectors are kept in fours with a
 /// number beside them, which is what vectorised shading reads fastest; the methods take them apart.
@@ -92,32 +95,57 @@ impl Fragments {
         })
     }
 
-    fn clear(&mut self) {
-        self.place.clear();
-        self.triangle.clear();
-        self.facing.clear();
-        self.position.clear();
-        self.normal.clear();
-        self.tangent.clear();
-        self.normal_dx.clear();
-        self.normal_dy.clear();
-        self.v_change.clear();
+    /// Makes room for `n` fragments, whose numbers are yet to be set.
+    fn resize(&mut self, n: usize, changes: bool) {
+        self.place.resize(n, 0);
+        self.triangle.resize(n, 0);
+        self.facing.resize(n, 0.0);
+        self.position.resize(n, [0.0; 4]);
+        self.normal.resize(n, [0.0; 4]);
+        self.tangent.resize(n, [0.0; 4]);
+        let n = if changes { n } else { 0 };
+        self.normal_dx.resize(n, [0.0; 4]);
+        self.normal_dy.resize(n, [0.0; 4]);
+        self.v_change.resize(n, [0.0; 2]);
     }
 
-    fn push(&mut self, place: u16, triangle: u32, facing: f32, row: &Row) {
-        self.place.push(place);
-        self.triangle.push(triangle);
-        self.facing.push(facing);
+    #[inline(always)]
+    fn name(&mut self, run: std::ops::Range<usize>, triangle: u32, place: usize, facing: f32) {
+        for (i, at) in self.place[run.clone()].iter_mut().enumerate() {
+            *at = (place + i) as u16;
+        }
+        self.triangle[run.clone()].fill(triangle);
+        self.facing[run].fill(facing);
+    }
+
+    #[inline(always)]
+    fn set(&mut self, at: usize, row: &Row) {
         let [position, normal, tangent] = row.groups();
-        self.position.push(position);
-        self.normal.push(normal);
-        self.tangent.push(tangent);
+        self.position[at] = position;
+        self.normal[at] = normal;
+        self.tangent[at] = tangent;
     }
 
-    fn push_changes(&mut self, dx: &Row, dy: &Row) {
-        self.normal_dx.push(dx.groups()[1]);
-        self.normal_dy.push(dy.groups()[1]);
-        self.v_change.push([dx.0[11], dy.0[11]]);
+    #[inline(always)]
+    fn set_changes(&mut self, at: usize, dx: &Row, dy: &Row) {
+        if let Some(v_change) = self.v_change.get_mut(at) {
+            *v_change = [dx.0[11], dy.0[11]];
+            self.normal_dx[at] = dx.groups()[1];
+            self.normal_dy[at] = dy.groups()[1];
+        }
+    }
+
+    /// Gives normals without a direction that of `any`, by the position.
+    #[inline(always)]
+    fn mend_normals(&mut self, run: std::ops::Range<usize>, any: impl Fn(Vec3) -> Vec3) {
+        let positions = &self.position[run.clone()];
+        for (normal, position) in self.normal[run].iter_mut().zip(positions) {
+            let length = xyz(*normal).length_squared();
+            if !(length > 1e-20 && length < f32::INFINITY) {
+                let n = any(xyz(*position));
+                *normal = [n.x, n.y, n.z, normal[3]];
+            }
+        }
     }
 }
 
@@ -163,17 +191,32 @@ impl Row {
     fn normal(&self) -> Vec3 {
         xyz(self.groups()[1])
     }
-
-    fn set_normal(&mut self, n: Vec3) {
-        self.0[4..7].copy_from_slice(&n.to_array());
-    }
 }
 
 /// What shading needs of the vertices, in the order of the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Vertices {
     pub(super) projected: Vec<Option<Vertex>>,
+    pub(super) seen: Vec<Place>,
     pub(super) rows: Vec<Row>,
+}
+
+/// Where a vertex is in the picture: samples, and 1/w. Not finite or not positive where it is nowhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    at: DVec2,
+    inverse: f64,
+}
+
+impl Place {
+    pub(super) fn new(vertex: Option<Vertex>) -> Self {
+        let h = vertex.map_or(DVec3::ZERO, |v| v.h);
+        let inverse = 1.0 / h.z;
+        Self {
+            at: h.truncate() * inverse,
+            inverse,
+        }
+    }
 }
 
 /// A triangle's homogeneous edge functions.
@@ -181,8 +224,6 @@ struct Edges {
     corners: [usize; 3],
     /// Row i, dotted with (x, y, 1), is corner i's weight over w, up to one common factor.
     rows: [DVec3; 3],
-    /// All three corners lie before the eye.
-    before: bool,
 }
 
 /// Weights of the three corners at a sample, and their change.
@@ -199,7 +240,6 @@ impl Edges {
         Self {
             corners,
             rows: [h[1].cross(h[2]), h[2].cross(h[0]), h[0].cross(h[1])],
-            before: h.iter().all(|h| h.z > 0.0),
         }
     }
 
@@ -227,11 +267,6 @@ impl Edges {
             dy: [0, 1, 2].map(|i| change(i, self.rows[i].y, total.y)),
         }
     }
-
-    /// Twice the area in homogeneous samples.
-    fn determinant(&self, h0: DVec3) -> f64 {
-        self.rows[0].dot(h0)
-    }
 }
 
 /// The least height in samples of a triangle that is taken the fast way: the rounding of its corners to 1/256 can put a centre
@@ -253,44 +288,55 @@ struct Plane {
 }
 
 impl Plane {
-    /// `None` for a triangle that must be taken carefully.
-    fn new(vertices: &Vertices, edges: &Edges) -> Option<Self> {
-        if !edges.before {
+    /// `None` for a triangle that must be taken carefully. With it whether the corners wind counter-clockwise as seen.
+    #[inline(always)]
+    fn new(places: [&Place; 3], rows: [&Row; 3]) -> Option<(Self, bool)> {
+        let q = places.map(|p| p.at);
+        let sides = [q[2] - q[1], q[0] - q[2], q[1] - q[0]];
+        let twice = sides[2].perp_dot(-sides[1]);
+        let longest = sides[0]
+            .length_squared()
+            .max(sides[1].length_squared())
+            .max(sides[2].length_squared());
+        let middle = (q[0] + q[1] + q[2]) * (1.0 / 3.0);
+        // NaN and what lies behind the eye fail these too.
+        let before = places.iter().all(|p| p.inverse > 0.0);
+        let high = twice * twice > LEAST_HEIGHT * LEAST_HEIGHT * longest;
+        let near =
+            middle.x.abs() < FARTHEST && middle.y.abs() < FARTHEST && longest < FARTHEST * FARTHEST;
+        if !(before && high && near) {
             return None;
         }
-        let h = edges
-            .corners
-            .map(|i| vertices.projected[i].map_or(DVec3::ZERO, |v| v.h));
-        let determinant = edges.determinant(h[0]);
-        let high = |i: usize| {
-            let slope = edges.rows[i].truncate().length() * h[i].z;
-            determinant.abs() > LEAST_HEIGHT * slope
+        let from = [middle.x as i32, middle.y as i32];
+        let p = DVec2::new(f64::from(from[0]), f64::from(from[1])) + 0.5;
+        let scale = 1.0 / (twice * places[0].inverse);
+        let share = places.map(|p| p.inverse * scale);
+        let at = |j: usize, k: usize, s: f64| (q[j] - p).perp_dot(q[k] - p) * s;
+        let at = [at(1, 2, share[0]), at(2, 0, share[1]), at(0, 1, share[2])];
+        let dx = [0, 1, 2].map(|i| -sides[i].y * share[i]);
+        let dy = [0, 1, 2].map(|i| sides[i].x * share[i]);
+        let plane = Self {
+            from,
+            at: mix(rows, at),
+            dx: mix(rows, dx),
+            dy: mix(rows, dy),
+            sum: [at, dx, dy].map(|w| (w[0] + w[1] + w[2]) as f32),
         };
-        let middle = h.iter().map(|h| h.truncate() / h.z).sum::<glam::DVec2>() / 3.0;
-        if !(high(0) && high(1) && high(2) && middle.abs().max_element() < FARTHEST) {
-            return None;
+        // Rows run downward.
+        Some((plane, twice < 0.0))
+    }
+
+    /// Neighbours in a row, from a sample on.
+    #[inline(always)]
+    fn fill(&self, run: std::ops::Range<usize>, (column, row): (i32, i32), out: &mut Fragments) {
+        for (i, at) in run.enumerate() {
+            let (row, inverse) = self.at(column + i as i32, row);
+            out.set(at, &row);
+            if !out.v_change.is_empty() {
+                let [dx, dy] = self.change(&row, inverse);
+                out.set_changes(at, &dx, &dy);
+            }
         }
-        let from = middle.floor();
-        let scale = h[0].z / determinant;
-        let p = (from + 0.5).extend(1.0);
-        let rows = edges.corners.map(|i| &vertices.rows[i]);
-        let mix = |w: [f32; 3]| {
-            Row::map3(rows[0], rows[1], rows[2], |a, b, c| {
-                a * w[0] + b * w[1] + c * w[2]
-            })
-        };
-        let at = edges.rows.map(|r| r.dot(p) * scale);
-        let dx = edges.rows.map(|r| r.x * scale);
-        let dy = edges.rows.map(|r| r.y * scale);
-        let total = |w: [f64; 3]| (w[0] + w[1] + w[2]) as f32;
-        let short = |w: [f64; 3]| w.map(|w| w as f32);
-        Some(Self {
-            from: [from.x as i32, from.y as i32],
-            at: mix(short(at)),
-            dx: mix(short(dx)),
-            dy: mix(short(dy)),
-            sum: [total(at), total(dx), total(dy)],
-        })
     }
 
     /// The attributes at a sample, and 1 over the denominator there.
@@ -313,58 +359,90 @@ impl Plane {
     }
 }
 
+/// A weighted sum of rows.
+#[inline(always)]
+fn mix(rows: [&Row; 3], weights: [f64; 3]) -> Row {
+    let w = weights.map(|w| w as f32);
+    Row::map3(rows[0], rows[1], rows[2], |a, b, c| {
+        a * w[0] + b * w[1] + c * w[2]
+    })
+}
+
 /// What is known of a triangle in a tile.
 struct Surface {
-    edges: Edges,
     plane: Option<Plane>,
     facing: f32,
-    /// Out of the outside as the vertex normals tell it, any length; zero for a triangle without area.
-    outward: Vec3,
 }
 
 impl Surface {
+    #[inline(always)]
     fn new(mesh: &Mesh, vertices: &Vertices, view: &View, triangle: u32) -> Self {
-        let edges = Edges::new(mesh, vertices, triangle);
-        let [a, b, c] = edges.corners.map(|i| mesh.positions[i]);
-        let normals: Vec3 = edges.corners.iter().map(|&i| mesh.normals[i]).sum();
-        let face = (b - a).cross(c - a);
-        let outward = if face.dot(normals) < 0.0 { -face } else { face };
-        // A plane is seen from one side, wherever on it one looks.
-        let behind = outward.dot(view.toward_any_length(a)) < 0.0;
-        Self {
-            plane: Plane::new(vertices, &edges),
-            edges,
-            facing: if behind { -1.0 } else { 1.0 },
-            outward,
+        let corners = mesh.triangles[triangle as usize].map(|i| i as usize);
+        let rows = corners.map(|i| &vertices.rows[i]);
+        let outside = outward(rows);
+        match Plane::new(corners.map(|i| &vertices.seen[i]), rows) {
+            Some((plane, counter_clockwise)) => Self {
+                plane: Some(plane),
+                facing: if counter_clockwise == outside.as_wound {
+                    1.0
+                } else {
+                    -1.0
+                },
+            },
+            None => {
+                // A plane is seen from one side, wherever on it one looks.
+                let toward = view.toward_any_length(rows[0].position());
+                Self {
+                    plane: None,
+                    facing: if outside.normal.dot(toward) < 0.0 {
+                        -1.0
+                    } else {
+                        1.0
+                    },
+                }
+            }
         }
     }
+}
 
-    /// The attributes and their change in f64 weights.
-    fn carefully(&self, vertices: &Vertices, column: i32, row: i32) -> (Row, [Row; 2]) {
-        let w = self
-            .edges
-            .weights(f64::from(column) + 0.5, f64::from(row) + 0.5);
-        let rows = self.edges.corners.map(|i| &vertices.rows[i]);
-        let mix = |w: [f32; 3]| {
-            Row::map3(rows[0], rows[1], rows[2], |a, b, c| {
-                a * w[0] + b * w[1] + c * w[2]
-            })
-        };
-        (mix(w.at), [mix(w.dx), mix(w.dy)])
-    }
+/// The side of a triangle that the vertex normals call outside.
+struct Outward {
+    /// Of any length; zero for a triangle without area.
+    normal: Vec3,
+    /// Whether the triangle winds counter-clockwise seen from there.
+    as_wound: bool,
+}
 
-    /// A normal for where the interpolated one has no direction.
-    fn any_normal(&self, view: &View, position: Vec3) -> Vec3 {
-        let outward = self.outward.try_normalize();
-        outward.unwrap_or_else(|| view.toward(position))
+#[inline(always)]
+fn outward(rows: [&Row; 3]) -> Outward {
+    let [a, b, c] = rows.map(Row::position);
+    let normals: Vec3 = rows.map(Row::normal).into_iter().sum();
+    let face = (b - a).cross(c - a);
+    let as_wound = face.dot(normals) >= 0.0;
+    Outward {
+        normal: if as_wound { face } else { -face },
+        as_wound,
     }
+}
+
+/// The attributes and their change in f64 weights.
+fn carefully(
+    mesh: &Mesh,
+    vertices: &Vertices,
+    triangle: u32,
+    (column, row): (i32, i32),
+) -> (Row, [Row; 2]) {
+    let edges = Edges::new(mesh, vertices, triangle);
+    let w = edges.weights(f64::from(column) + 0.5, f64::from(row) + 0.5);
+    let rows = edges.corners.map(|i| &vertices.rows[i]);
+    let mix = |w: [f32; 3]| mix(rows, w.map(f64::from));
+    (mix(w.at), [mix(w.dx), mix(w.dy)])
 }
 
 /// The surfaces of a tile, found by triangle. Neighbours mostly see the same triangle, rows see those of the row above.
 struct Surfaces {
-    triangle: Vec<u32>,
-    surface: Vec<Surface>,
-    /// Places in the two, by the triangle's hash.
+    known: Vec<(u32, Surface)>,
+    /// Places in it, by the triangle's hash.
     slots: [u16; Self::SLOTS],
 }
 
@@ -374,22 +452,24 @@ impl Surfaces {
 
     fn new() -> Self {
         Self {
-            triangle: Vec::new(),
-            surface: Vec::new(),
+            known: Vec::with_capacity(256),
             slots: [Self::EMPTY; Self::SLOTS],
         }
     }
 
     /// The surface of a triangle; a tile has fewer samples than 2^16, and so fewer surfaces.
+    #[inline(always)]
     fn get(&mut self, triangle: u32, make: impl FnOnce() -> Surface) -> &Surface {
         let slot = &mut self.slots[(triangle.wrapping_mul(0x9e37_79b9) >> 22) as usize];
-        let known = *slot != Self::EMPTY && self.triangle[*slot as usize] == triangle;
+        let known = self
+            .known
+            .get(*slot as usize)
+            .is_some_and(|(t, _)| *t == triangle);
         if !known {
-            *slot = self.surface.len() as u16;
-            self.triangle.push(triangle);
-            self.surface.push(make());
+            *slot = self.known.len() as u16;
+            self.known.push((triangle, make()));
         }
-        &self.surface[*slot as usize]
+        &self.known[*slot as usize].1
     }
 }
 
@@ -402,59 +482,60 @@ pub(super) fn resolve(
     changes: bool,
     out: &mut Fragments,
 ) {
-    out.clear();
+    let width = rect.width as usize;
+    let line = |line: &[u32]| line[..width].iter().filter(|t| **t != NOTHING).count();
+    out.resize(seen.chunks(STRIDE).map(line).sum(), changes);
+    let scene = (mesh, vertices, view);
+    dispatch!(math::level(), simd => resolve_all(simd, scene, rect, seen, out));
+}
+
+#[simd]
+fn resolve_all<S: Simd>(
+    _: S,
+    (mesh, vertices, view): (&Mesh, &Vertices, &View),
+    rect: Rect,
+    seen: &[u32],
+    out: &mut Fragments,
+) {
     let mut surfaces = Surfaces::new();
+    let mut next = 0;
     for (y, line) in seen.chunks(STRIDE).enumerate() {
         let line = &line[..rect.width as usize];
         let row = rect.y as i32 + y as i32;
         let mut x = 0;
         while x < line.len() {
             let triangle = line[x];
-            let run = line[x..].iter().take_while(|t| **t == triangle).count();
-            if triangle != NOTHING {
-                let make = || Surface::new(mesh, vertices, view, triangle);
-                let surface = surfaces.get(triangle, make);
-                let place = y * rect.width as usize + x;
-                let first = (rect.x as i32 + x as i32, row);
-                let run = (triangle, place, run);
-                resolve_run(surface, vertices, view, run, first, changes, out);
+            let start = x;
+            while x < line.len() && line[x] == triangle {
+                x += 1;
             }
-            x += run;
-        }
-    }
-}
-
-/// Neighbours in a row that see one triangle.
-#[inline(always)]
-fn resolve_run(
-    surface: &Surface,
-    vertices: &Vertices,
-    view: &View,
-    (triangle, place, run): (u32, usize, usize),
-    (column, row): (i32, i32),
-    changes: bool,
-    out: &mut Fragments,
-) {
-    for i in 0..run {
-        let column = column + i as i32;
-        let (mut at, change) = match &surface.plane {
-            Some(plane) => {
-                let (at, inverse) = plane.at(column, row);
-                let change = changes.then(|| plane.change(&at, inverse));
-                (at, change)
+            if triangle == NOTHING {
+                continue;
             }
-            None => {
-                let (at, change) = surface.carefully(vertices, column, row);
-                (at, changes.then_some(change))
+            let surface = surfaces.get(triangle, || Surface::new(mesh, vertices, view, triangle));
+            let run = next..next + (x - start);
+            next = run.end;
+            let first = (rect.x as i32 + start as i32, row);
+            let place = y * rect.width as usize + start;
+            out.name(run.clone(), triangle, place, surface.facing);
+            match &surface.plane {
+                Some(plane) => plane.fill(run.clone(), first, out),
+                None => {
+                    for (i, at) in run.clone().enumerate() {
+                        let sample = (first.0 + i as i32, first.1);
+                        let (row, [dx, dy]) = carefully(mesh, vertices, triangle, sample);
+                        out.set(at, &row);
+                        out.set_changes(at, &dx, &dy);
+                    }
+                }
             }
-        };
-        let length = at.normal().length_squared();
-        if !(length > 1e-20 && length < f32::INFINITY) {
-            at.set_normal(surface.any_normal(view, at.position()));
-        }
-        out.push((place + i) as u16, triangle, surface.facing, &at);
-        if let Some([dx, dy]) = change {
-            out.push_changes(&dx, &dy);
+            out.mend_normals(run, |position| {
+                let corners = mesh.triangles[triangle as usize];
+                let normal = outward(corners.map(|i| &vertices.rows[i as usize])).normal;
+                normal
+                    .try_normalize()
+                    .unwrap_or_else(|| view.toward(position))
+            });
         }
     }
 }

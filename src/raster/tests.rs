@@ -140,7 +140,7 @@ fn against_rays(mesh: &Mesh, reference: &Reference) -> (f32, f32, f32, u32) {
     let (width, height) = (200, 150);
     let (view, buffer) = draw(mesh, &camera(Vec3::new(0.7, 2.4, 3.6)), width, height);
     let mut seen = vec![None; (width * height) as usize];
-    each(&mesh, &buffer, |x, y, f, i| {
+    each(mesh, &buffer, |x, y, f, i| {
         seen[(y * width + x) as usize] =
             Some((f.position(i), f.normal(i), f.tangent(i), f.facing[i]));
     });
@@ -364,7 +364,7 @@ fn owners(points: &[Vec2], triangles: &[[u32; 3]], size: u32) -> Vec<u32> {
         let mesh = one_triangle(t.map(|i| points[i as usize].extend(0.0)));
         let (_, buffer) = draw(&mesh, &flat(size), size, size);
         each(&mesh, &buffer, |x, y, _, _| {
-            count[(y * size + x) as usize] += 1
+            count[(y * size + x) as usize] += 1;
         });
     }
     count

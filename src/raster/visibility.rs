@@ -270,12 +270,15 @@ impl Setup {
     }
 }
 
+/// Columns or rows of tiles.
+type Span = std::ops::Range<usize>;
+
 /// The setups of a block of triangles, and for each tile that any of them touches which ones do.
 struct Block {
     setups: Vec<Setup>,
     /// The tiles touched, as columns and rows of tiles.
-    columns: std::ops::Range<usize>,
-    rows: std::ops::Range<usize>,
+    columns: Span,
+    rows: Span,
     /// Where each of those tiles begins in `order`, and its end.
     starts: Vec<u32>,
     /// Places in `setups`, tile by tile, in order.
@@ -285,14 +288,17 @@ struct Block {
 impl Block {
     fn new(setups: Vec<Setup>, window: Rect) -> Self {
         let touched: Vec<_> = setups.iter().map(|s| tiles_of(s, window)).collect();
-        let (mut columns, mut rows) = (usize::MAX..0, usize::MAX..0);
-        for (c, r) in touched
-            .iter()
-            .filter(|(c, r)| !c.is_empty() && !r.is_empty())
-        {
-            columns = columns.start.min(c.start)..columns.end.max(c.end);
-            rows = rows.start.min(r.start)..rows.end.max(r.end);
-        }
+        let inside = || {
+            let some = |(c, r): &&(Span, Span)| !c.is_empty() && !r.is_empty();
+            touched.iter().filter(some)
+        };
+        let hull = |spans: &mut dyn Iterator<Item = &Span>| -> Span {
+            let all = spans.cloned();
+            all.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end))
+                .unwrap_or(0..0)
+        };
+        let columns = hull(&mut inside().map(|(c, _)| c));
+        let rows = hull(&mut inside().map(|(_, r)| r));
         let across = columns.len();
         let mut block = Self {
             setups,
@@ -340,7 +346,7 @@ impl Block {
 }
 
 /// The columns and rows of tiles of the window that a triangle's bounds touch.
-fn tiles_of(setup: &Setup, window: Rect) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+fn tiles_of(setup: &Setup, window: Rect) -> (Span, Span) {
     let tiles = |(low, high): (i32, i32), start: u32, length: u32| {
         let low = (low - start as i32).max(0);
         let high = (high - start as i32).min(length as i32 - 1);
