@@ -4,7 +4,7 @@ use anisomap::map::Size;
 use anisomap::mesh::{self, pot};
 use anisomap::preview::{Look, Picture, Scene, Subject, render};
 use anisomap::progress::Progress;
-use anisomap::raster::{Cull, GBuffer, View};
+use anisomap::raster::{Cull, Fragments, GBuffer, View};
 use anisomap::recipe::{Recipe, preset};
 
 fn size(width: u32, height: u32) -> Size {
@@ -107,10 +107,12 @@ fn the_pots_highlight_runs_its_full_height() {
         .expect("nobody cancels");
     let width = size.width() as usize;
     let mut wall = vec![false; size.texels()];
-    for tile in buffer.tiles() {
-        for (n, uv) in tile.fragments.uv.iter().enumerate() {
-            if pot::BODY.contains(*uv) {
-                let place = u32::from(tile.fragments.place[n]);
+    let mut fragments = Fragments::default();
+    for (n, tile) in buffer.tiles().iter().enumerate() {
+        buffer.resolve(&mesh, n, false, &mut fragments);
+        for (i, place) in fragments.place.iter().enumerate() {
+            if pot::BODY.contains(fragments.uv(i)) {
+                let place = u32::from(*place);
                 let (x, y) = (
                     tile.rect.x + place % tile.rect.width,
                     tile.rect.y + place / tile.rect.width,

@@ -5,7 +5,7 @@ use super::Surface;
 use super::lattice::{Lattice, OCTAVE_VARIANCE, seed32};
 use crate::map::{ALPHA_MAX, ALPHA_MIN, RegionMut, Wrap};
 use crate::math::{AXIS_MIN_LENGTH, exp, level, sin_cos, smoothstep};
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::{Level, Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
