@@ -154,11 +154,7 @@ impl DrawnMask {
     /// map repeats, what reaches over one edge comes in at the other.
     pub fn draw(outline: &Outline, size: Size, wrap: Wrap, feather: Vec2) -> Self {
         let map = UVec2::new(size.width(), size.height());
-        let keep = (Vec2::splat(FEATHER_TEXELS) / feather.max(Vec2::splat(1e-6))).min(Vec2::ONE);
-        let grid = (map.as_vec2() * keep)
-            .ceil()
-            .as_uvec2()
-            .clamp(UVec2::ONE, map);
+        let grid = grid_of(map, feather);
         let feather = feather * grid.as_vec2() / map.as_vec2();
         let mut weights = drawn(outline, grid, wrap);
         // Three box blurs are close to a Gaussian, and their reach adds up to `feather` exactly.
@@ -173,6 +169,12 @@ impl DrawnMask {
             wrap,
             weights,
         }
+    }
+
+    /// The memory that such a mask holds.
+    pub fn bytes(size: Size, feather: Vec2) -> u64 {
+        let grid = grid_of(UVec2::new(size.width(), size.height()), feather);
+        u64::from(grid.x) * u64::from(grid.y) * size_of::<u16>() as u64
     }
 
     /// The weights of a rectangle of the map, 0 to 1, row order.
@@ -214,6 +216,15 @@ impl DrawnMask {
             *w = (top + (bottom - top) * fv) * (1.0 / 65535.0);
         }
     }
+}
+
+/// The mask's own size: the map's, or less where the edge is faded over many texels.
+fn grid_of(map: UVec2, feather: Vec2) -> UVec2 {
+    let keep = (Vec2::splat(FEATHER_TEXELS) / feather.max(Vec2::splat(1e-6))).min(Vec2::ONE);
+    (map.as_vec2() * keep)
+        .ceil()
+        .as_uvec2()
+        .clamp(UVec2::ONE, map)
 }
 
 /// The shape on a grid, with sharp edges.

@@ -4,7 +4,7 @@
 use super::layer::{Blend, derived_seed};
 use super::{Channels, Files, Layer, Mask, MaskSource, Recipe, Source};
 use crate::coverage::DrawnMask;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::map::{
     ALPHA_MAX, ALPHA_MIN, AnisoMap, DEFAULT_TEXEL, Mended, Rect, Region, RegionMut, Size,
     SlopeCovariance, Texel, Wrap, blend,
@@ -73,6 +73,7 @@ impl Recipe {
             wrap: self.wrap,
             seed: self.seed,
         };
+        self.check_masks(&surface)?;
         let layers = (0..).zip(&self.layers);
         let shown = layers.filter(|(_, l)| l.visible && l.opacity > 0.0);
         let adjust = self.adjust;
@@ -89,6 +90,42 @@ impl Recipe {
             }),
         })
     }
+}
+
+/// The most bytes that a recipe's drawn masks may hold.
+const MASK_BYTES_MAX: u64 = 2 << 30;
+
+impl Recipe {
+    /// Drawn masks are kept whole until the map is filled: refuses more than memory is likely to hold.
+    fn check_masks(&self, surface: &Surface) -> Result<()> {
+        let shown = self.layers.iter().filter(|l| l.visible && l.opacity > 0.0);
+        let drawn = shown
+            .filter_map(|l| l.mask.as_ref())
+            .filter(|m| !matches!(m.source, MaskSource::Pattern(_)));
+        let sizes: Vec<u64> = drawn
+            .map(|m| DrawnMask::bytes(surface.size, feather_texels(m, surface)))
+            .collect();
+        let bytes: u64 = sizes.iter().sum();
+        if bytes <= MASK_BYTES_MAX {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            "the memory of masks",
+            format!(
+                "{:.1} GiB for {} polygons and paths at {}",
+                bytes as f64 / f64::from(1 << 30),
+                sizes.len(),
+                surface.size
+            ),
+            format!("allowed: {} GiB", MASK_BYTES_MAX >> 30),
+        )
+        .with_hint("Make the map smaller, or one path of several shapes"))
+    }
+}
+
+/// How far a mask's edge fades, in texels.
+fn feather_texels(mask: &Mask, surface: &Surface) -> Vec2 {
+    Vec2::splat(mask.feather.unwrap_or(0.0)) / surface.texel()
 }
 
 fn prepare_layer(
@@ -140,12 +177,11 @@ fn prepare_mask(mask: &Mask, surface: &Surface) -> Result<PreparedMask> {
         }
         shape => {
             let outline = shape.outline().expect("no pattern")?;
-            let feather = Vec2::splat(mask.feather.unwrap_or(0.0)) / surface.texel();
             Weights::Drawn(DrawnMask::draw(
                 &outline,
                 surface.size,
                 surface.wrap,
-                feather,
+                feather_texels(mask, surface),
             ))
         }
     };
@@ -540,7 +576,6 @@ mod tests {
             assert!(middle(&angle) < 2.0, "{}: {}", preset.name, middle(&angle));
         }
     }
-    use crate::error::Error;
     use crate::map::{Texel, blend};
 
     fn map(text: &str) -> AnisoMap {
@@ -664,6 +699,36 @@ mod tests {
             let t = whole.texel_at(i);
             assert!((t.axis.double_angle().length() - 1.0).abs() < 1e-5);
         }
+    }
+
+    #[test]
+    fn more_masks_than_memory_are_refused_before_the_first_is_drawn() {
+        let layers = |feather: &str| -> String {
+            let layer = |i: i32| {
+                format!(
+                    "[[layers]]\nname = 'l{i}'\nconstant = {{}}\nmask.path = 'M 0 0 L 1 0 L 1 1 Z'\n{feather}\n"
+                )
+            };
+            (0..256).map(layer).collect()
+        };
+        let check = |side: u32, feather: &str| {
+            let text = format!("version = 1\nsize = {side}\n{}", layers(feather));
+            let file = RecipeFile::parse(&text, "t.toml", None).unwrap();
+            let size = file.recipe().size;
+            file.recipe().check_masks(&Surface {
+                size,
+                aspect: 1.0,
+                wrap: Wrap::Clamp,
+                seed: 0,
+            })
+        };
+        let e = check(4096, "").unwrap_err().to_string();
+        assert!(e.contains("8.0 GiB for 256") && e.contains("2 GiB"), "{e}");
+        assert!(check(2048, "").is_ok());
+        assert!(
+            check(4096, "mask.feather = 0.1").is_ok(),
+            "kept at fewer texels"
+        );
     }
 
     #[test]
