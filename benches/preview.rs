@@ -7,7 +7,8 @@
 //! what a second core can bring on this machine. `tone` is the way from linear light to eight bits, which `torus-…` leave out.
 //! `case=stages` lines say where the time of one thread goes.
 //!
-//! Two variables let the picture be compared with another renderer's: `ANISOMAP_BENCH_MAP` names an OpenEXR file with the
+//! Words after `--` choose cases by the beginnings of their names: `cargo bench --bench preview -- control torus-map`. Two
+//! variables let the picture be compared with another renderer's: `ANISOMAP_BENCH_MAP` names an OpenEXR file with the
 //! channels ward.alphaX, ward.alphaY, ward.dirX, ward.dirY (row 0 at v = 0) to be taken for the map, `ANISOMAP_BENCH_PICTURE` a
 //! file that the picture with the map is written to, as rows of R, G, B in f32, top row first.
 
@@ -181,6 +182,9 @@ impl Case<'_> {
     }
 
     fn stages(&self) {
+        if !is_wanted("stages") {
+            return;
+        }
         let timings = Timings::on();
         let mut picture = self.picture();
         for _ in 0..ROUNDS {
@@ -200,6 +204,14 @@ impl Case<'_> {
     }
 }
 
+fn is_wanted(name: &str) -> bool {
+    let mut words = std::env::args()
+        .skip(1)
+        .filter(|a| !a.starts_with('-'))
+        .peekable();
+    words.peek().is_none() || words.any(|w| name.starts_with(&w))
+}
+
 fn milliseconds(work: impl FnOnce()) -> f64 {
     let start = Instant::now();
     work();
@@ -208,6 +220,9 @@ fn milliseconds(work: impl FnOnce()) -> f64 {
 
 /// Runs `work` in pools of one and two threads by turns, so that whatever else the machine does hits both alike.
 fn report(name: &str, rounds: usize, mut work: impl FnMut() + Send) {
+    if !is_wanted(name) {
+        return;
+    }
     let pools = [1, 2].map(|n| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build();
         (n, pool.expect("threads"))

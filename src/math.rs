@@ -220,6 +220,12 @@ pub fn floor_fast(x: f32) -> f32 {
     r - if r > x { 1.0 } else { 0.0 }
 }
 
+/// A whole number as an integer, for |x| < 2^22. Unlike a cast it has no limits to watch, so it vectorises everywhere.
+#[inline(always)]
+pub fn whole(x: f32) -> i32 {
+    ((x + ROUND).to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32)
+}
+
 /// e^x for x in [-87, 88]; arguments are clamped to that, so the result is always normal and finite. Relative error 2e-7.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
@@ -356,6 +362,13 @@ mod tests {
         assert!(exp(-1e30).is_normal() && exp(f32::NEG_INFINITY).is_normal());
         assert!(exp(1e30).is_finite());
         assert!((exp(0.0) - 1.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn whole_numbers_come_out_whole() {
+        for i in [-4_194_303, -32_769, -1, 0, 1, 2, 32_768, 4_194_303] {
+            assert_eq!(whole(i as f32), i);
+        }
     }
 
     #[test]

@@ -89,7 +89,7 @@ pub enum Model {
     WardBounded,
     /// Anisotropic Beckmann with height-correlated Smith shadowing.
     Beckmann,
-    /// Anisotropic GGX with height-correlated Smith shadowing: what glTF viewers show.
+    /// Anisotropic GGX with height-correlated Smith shadowing, at the map's own widths. A glTF viewer shows it at fitted ones.
     Ggx,
     /// Normalised Phong.
     Phong,

@@ -157,7 +157,11 @@ pub(super) struct PreviewArgs {
     pub(super) map_size: Option<Size>,
     #[command(flatten)]
     pub(super) recipe_args: RecipeArgs,
-    /// JSON for scripts: {path, bytes, size, models, difference, mended}. Example: --json
+    /// Say where the time of drawing went, in milliseconds by stage; work side by side counts once for each core. Example:
+    /// --timings
+    #[arg(long)]
+    pub(super) timings: bool,
+    /// JSON for scripts: {path, bytes, size, models, difference, mended, timings}. Example: --json
     #[arg(long)]
     pub(super) json: bool,
 }

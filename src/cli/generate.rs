@@ -12,7 +12,7 @@ use anisomap::export::{Export, Written, beside, write_atomic};
 use anisomap::import::gltf::read_gltf;
 use anisomap::map::{AnisoMap, Mended, Size};
 use anisomap::mesh::Mesh;
-use anisomap::preview::{Picture, panel_size};
+use anisomap::preview::{Picture, Timings, panel_size};
 use anisomap::recipe::{RecipeFile, Target, seen_from};
 use image::ImageEncoder;
 use serde::Serialize;
@@ -302,6 +302,7 @@ impl Job {
             map,
             material: &recipe.material,
             scene: &scene(mesh, Some(recipe)),
+            timings: &Timings::off(),
         };
         let size = Size::new(PICTURE.0, PICTURE.1)?;
         let written = made.time("preview", || {

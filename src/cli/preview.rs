@@ -7,7 +7,8 @@ use anisomap::Error;
 use anisomap::map::{AnisoMap, Size};
 use anisomap::mesh::Mesh;
 use anisomap::preview::{
-    Difference, Look, Material, Measure, Picture, Scene, Subject, render, render_sheet,
+    Difference, Look, Material, Measure, Picture, Scene, Stage, Subject, Timings, panel_size,
+    side_by_side,
 };
 use anisomap::recipe::Recipe;
 use glam::Vec3;
@@ -54,7 +55,13 @@ pub(super) fn run(args: PreviewArgs) -> Result {
     scene.exposure = args.exposure.unwrap_or(scene.exposure);
     scene.samples = args.samples.unwrap_or(scene.samples);
     let looks = looks(&args.model, recipe)?;
+    let timings = if args.timings {
+        Timings::on()
+    } else {
+        Timings::off()
+    };
     let shown = Shown {
+        timings: &timings,
         mesh: &mesh,
         map: &source.map,
         material: &material,
@@ -78,6 +85,7 @@ pub(super) fn run(args: PreviewArgs) -> Result {
             "models": looks.iter().map(Look::to_string).collect::<Vec<_>>(),
             "difference": difference,
             "mended": source.mended,
+            "timings": args.timings.then(|| stages(&timings)),
         }))?;
     } else {
         let path = written.path.display();
@@ -93,9 +101,21 @@ pub(super) fn run(args: PreviewArgs) -> Result {
                 numbers["mean"].as_f64().unwrap_or(0.0)
             );
         }
+        if args.timings {
+            for stage in Stage::ALL {
+                let time = timings.milliseconds(stage);
+                text += &format!("{:<8}{time:>10.2} ms\n", stage.name());
+            }
+        }
         console::print(&text)?;
     }
     Ok(Outcome::Fine)
+}
+
+/// Milliseconds by stage.
+fn stages(timings: &Timings) -> serde_json::Value {
+    let all = Stage::ALL.map(|s| (s.name().to_owned(), json!(timings.milliseconds(s))));
+    serde_json::Value::Object(all.into_iter().collect())
 }
 
 fn default_size(looks: usize, difference: bool) -> Result<Size> {
@@ -141,6 +161,7 @@ pub(super) struct Shown<'a> {
     pub(super) map: &'a AnisoMap,
     pub(super) material: &'a Material,
     pub(super) scene: &'a Scene,
+    pub(super) timings: &'a Timings,
 }
 
 impl Shown<'_> {
@@ -152,22 +173,27 @@ impl Shown<'_> {
         }
     }
 
+    /// One picture per look.
+    fn pictures(&self, looks: &[Look], size: Size) -> Result<Vec<Picture>> {
+        console::with_progress("drawing", |progress| {
+            let prepared = self.subject().prepare(self.timings);
+            prepared.render(self.scene, looks, size, self.timings, progress)
+        })
+    }
+
     /// One picture with a panel for each look; a single look has no caption.
     pub(super) fn sheet(&self, looks: &[Look], size: Size) -> Result<Picture> {
-        console::with_progress("drawing", |progress| {
-            if looks.len() > 1 {
-                return render_sheet(self.subject(), self.scene, looks, size, progress);
-            }
-            let mut pictures = render(self.subject(), self.scene, looks, size, progress)?;
-            Ok(pictures.swap_remove(0))
-        })
+        if looks.len() == 1 {
+            return Ok(self.pictures(looks, size)?.swap_remove(0));
+        }
+        let panels = self.pictures(looks, panel_size(size, looks.len())?)?;
+        let captions: Vec<String> = looks.iter().map(Look::caption).collect();
+        side_by_side(&panels, &captions, size)
     }
 
     /// How two looks differ, as a picture and as numbers.
     fn difference(&self, looks: &[Look], size: Size) -> Result<(Picture, serde_json::Value)> {
-        let pictures = console::with_progress("drawing", |progress| {
-            render(self.subject(), self.scene, looks, size, progress)
-        })?;
+        let pictures = self.pictures(looks, size)?;
         let difference = Difference::new(&pictures[0], &pictures[1], Measure::Signed)?;
         let numbers = json!({ "largest": difference.largest(), "mean": difference.mean() });
         Ok((difference.picture()?, numbers))

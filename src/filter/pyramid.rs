@@ -204,7 +204,7 @@ fn places<S: Simd>(_: S, places: &mut Places, texels: u32, repeats: bool) {
         // Between -0.5 and 32767.5.
         let low = math::floor_fast(x);
         places.share[i] = x - low;
-        let low = low as i32;
+        let low = math::whole(low);
         let high = low + 1;
         let under = if repeats { last } else { 0 };
         let over = if repeats { 0 } else { last };

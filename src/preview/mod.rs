@@ -68,6 +68,26 @@ impl<'a> Subject<'a> {
 }
 
 impl Prepared<'_> {
+    /// Draws one picture of `size` pixels per look: [`render`] without preparing again.
+    ///
+    /// # Errors
+    /// As [`render`].
+    pub fn render(
+        &self,
+        scene: &Scene,
+        looks: &[Look],
+        size: Size,
+        timings: &Timings,
+        progress: &Progress<'_>,
+    ) -> Result<Vec<Picture>> {
+        // Before memory is asked for.
+        scene.check()?;
+        sample_grid(size, scene.samples)?;
+        let mut pictures = vec![Picture::new(size, [0.0; 3]); looks.len()];
+        self.draw(scene, looks, &mut pictures, timings, progress)?;
+        Ok(pictures)
+    }
+
     /// Draws one picture per look into `pictures`, all from one visibility pass; what they held is gone.
     ///
     /// # Errors
@@ -128,10 +148,10 @@ pub fn render(
     scene.check()?;
     subject.material.check()?;
     sample_grid(size, scene.samples)?;
-    let mut pictures = vec![Picture::new(size, [0.0; 3]); looks.len()];
-    let (prepared, timings) = (subject.prepare(&Timings::off()), Timings::off());
-    prepared.draw(scene, looks, &mut pictures, &timings, progress)?;
-    Ok(pictures)
+    let off = Timings::off();
+    subject
+        .prepare(&off)
+        .render(scene, looks, size, &off, progress)
 }
 
 /// Several looks side by side in one picture of `size` pixels, each with its caption: [`render`] and [`side_by_side`].

@@ -152,8 +152,8 @@ impl<'a> Shader<'a> {
     ) {
         let samples = buffer.tiles()[tile].rect;
         let rect = self.pixels(samples);
-        timings.time(Stage::Gather, || self.fill_background(rect, lines));
         if buffer.tiles()[tile].is_empty() {
+            timings.time(Stage::Gather, || self.fill_background(rect, lines));
             return;
         }
         let Desk {
@@ -165,6 +165,9 @@ impl<'a> Shader<'a> {
         timings.time(Stage::Resolve, || {
             buffer.resolve(self.mesh, tile, changes, fragments);
         });
+        if fragments.len() < samples.texels() {
+            timings.time(Stage::Gather, || self.fill_background(rect, lines));
+        }
         if self.scene.samples > 1 {
             sums.clear();
             sums.resize(rect.texels(), ([0.0; 3], 0));
@@ -194,7 +197,11 @@ impl<'a> Shader<'a> {
 
     fn fill_background(&self, rect: Rect, lines: &mut [&mut [[f32; 3]]]) {
         for (y, line) in (rect.y..).zip(lines) {
-            line.fill(self.behind(y).to_array());
+            // Sixteen pixels at a time are whole vectors of any width.
+            let sixteen = [self.behind(y).to_array(); 16];
+            for pixels in line.chunks_mut(16) {
+                pixels.copy_from_slice(&sixteen[..pixels.len()]);
+            }
         }
     }
 

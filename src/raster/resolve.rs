@@ -21,8 +21,6 @@ use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 pub struct Fragments {
     /// Place in the tile: row * tile width + column.
     pub place: Vec<u16>,
-    /// Index of the triangle in the mesh.
-    pub triangle: Vec<u32>,
     /// 1, or -1 where the surface is seen from the side its normals point away from.
     pub facing: Vec<f32>,
     /// World position; the layout's handedness.
@@ -98,7 +96,6 @@ impl Fragments {
     /// Makes room for `n` fragments, whose numbers are yet to be set.
     fn resize(&mut self, n: usize, changes: bool) {
         self.place.resize(n, 0);
-        self.triangle.resize(n, 0);
         self.facing.resize(n, 0.0);
         self.position.resize(n, [0.0; 4]);
         self.normal.resize(n, [0.0; 4]);
@@ -110,28 +107,37 @@ impl Fragments {
     }
 
     #[inline(always)]
-    fn name(&mut self, run: std::ops::Range<usize>, triangle: u32, place: usize, facing: f32) {
-        for (i, at) in self.place[run.clone()].iter_mut().enumerate() {
+    fn name(&mut self, run: std::ops::Range<usize>, place: usize, facing: f32) {
+        let facings = self.facing[run.clone()].iter_mut();
+        for (i, (at, f)) in self.place[run].iter_mut().zip(facings).enumerate() {
             *at = (place + i) as u16;
+            *f = facing;
         }
-        self.triangle[run.clone()].fill(triangle);
-        self.facing[run].fill(facing);
+    }
+
+    /// Sets neighbours one after the other, by their number.
+    #[inline(always)]
+    fn set(&mut self, run: std::ops::Range<usize>, row: impl Fn(usize) -> Row) {
+        let position = self.position[run.clone()].iter_mut();
+        let normal = self.normal[run.clone()].iter_mut();
+        let tangent = self.tangent[run].iter_mut();
+        for (i, ((p, n), t)) in position.zip(normal).zip(tangent).enumerate() {
+            [*p, *n, *t] = row(i).groups();
+        }
     }
 
     #[inline(always)]
-    fn set(&mut self, at: usize, row: &Row) {
-        let [position, normal, tangent] = row.groups();
-        self.position[at] = position;
-        self.normal[at] = normal;
-        self.tangent[at] = tangent;
-    }
-
-    #[inline(always)]
-    fn set_changes(&mut self, at: usize, dx: &Row, dy: &Row) {
-        if let Some(v_change) = self.v_change.get_mut(at) {
-            *v_change = [dx.0[11], dy.0[11]];
-            self.normal_dx[at] = dx.groups()[1];
-            self.normal_dy[at] = dy.groups()[1];
+    fn set_changes(&mut self, run: std::ops::Range<usize>, change: impl Fn(usize) -> [Row; 2]) {
+        if self.v_change.is_empty() {
+            return;
+        }
+        let dx = self.normal_dx[run.clone()].iter_mut();
+        let dy = self.normal_dy[run.clone()].iter_mut();
+        let v = self.v_change[run].iter_mut();
+        for (i, ((dx, dy), v)) in dx.zip(dy).zip(v).enumerate() {
+            let [x, y] = change(i);
+            (*dx, *dy) = (x.groups()[1], y.groups()[1]);
+            *v = [x.0[11], y.0[11]];
         }
     }
 
@@ -329,14 +335,11 @@ impl Plane {
     /// Neighbours in a row, from a sample on.
     #[inline(always)]
     fn fill(&self, run: std::ops::Range<usize>, (column, row): (i32, i32), out: &mut Fragments) {
-        for (i, at) in run.enumerate() {
-            let (row, inverse) = self.at(column + i as i32, row);
-            out.set(at, &row);
-            if !out.v_change.is_empty() {
-                let [dx, dy] = self.change(&row, inverse);
-                out.set_changes(at, &dx, &dy);
-            }
-        }
+        out.set(run.clone(), |i| self.at(column + i as i32, row).0);
+        out.set_changes(run, |i| {
+            let (at, inverse) = self.at(column + i as i32, row);
+            self.change(&at, inverse)
+        });
     }
 
     /// The attributes at a sample, and 1 over the denominator there.
@@ -517,16 +520,17 @@ fn resolve_all<S: Simd>(
             next = run.end;
             let first = (rect.x as i32 + start as i32, row);
             let place = y * rect.width as usize + start;
-            out.name(run.clone(), triangle, place, surface.facing);
+            out.name(run.clone(), place, surface.facing);
             match &surface.plane {
                 Some(plane) => plane.fill(run.clone(), first, out),
                 None => {
-                    for (i, at) in run.clone().enumerate() {
-                        let sample = (first.0 + i as i32, first.1);
-                        let (row, [dx, dy]) = carefully(mesh, vertices, triangle, sample);
-                        out.set(at, &row);
-                        out.set_changes(at, &dx, &dy);
-                    }
+                    let at = |i: usize| (first.0 + i as i32, first.1);
+                    out.set(run.clone(), |i| {
+                        carefully(mesh, vertices, triangle, at(i)).0
+                    });
+                    out.set_changes(run.clone(), |i| {
+                        carefully(mesh, vertices, triangle, at(i)).1
+                    });
                 }
             }
             out.mend_normals(run, |position| {
