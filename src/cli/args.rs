@@ -1,7 +1,7 @@
 //! The grammar of the command line, with help and checks beside each option.
 
 use anisomap::map::Size;
-use anisomap::preview::{Look, SAMPLES_MAX};
+use anisomap::preview::Look;
 use anisomap::recipe::{SEED_MAX, Target};
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
@@ -118,6 +118,15 @@ pub(super) struct GenerateArgs {
     pub(super) json: bool,
 }
 
+/// The words of `preview --quality`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum QualityWord {
+    Plain,
+    #[default]
+    Standard,
+    Reference,
+}
+
 #[derive(Args)]
 pub(super) struct PreviewArgs {
     /// A preset by name; a recipe (.toml), a master EXR, or a .glb or .gltf with an anisotropy map by path. Example: pot,
@@ -145,9 +154,21 @@ pub(super) struct PreviewArgs {
     /// Exposure in stops, -16 to 16, in place of the recipe's. Example: --exposure=-0.5
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = parse_exposure)]
     pub(super) exposure: Option<f32>,
-    /// Samples along a pixel's side, 1 to 4: 3 means 3x3 samples a pixel. Default: 2. Example: --samples 3
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(SAMPLES_MAX)))]
+    /// Samples along a pixel's side, 1 to 4: 3 means 3x3 samples a pixel. Default: 2. With `--quality reference` one of 1, 2, 3,
+    /// 4, 6, 8, 12, 16, 24, 48; default 8. Example: --samples 3
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=48))]
     pub(super) samples: Option<u32>,
+    /// What is spent on a sample: plain (one fetch, one formula), standard (footprints averaged, highlights finer than a
+    /// sample widened), or reference (f64, 64 samples a pixel, nothing approximated: slow, to measure against). Default:
+    /// standard. Example: --quality reference
+    #[arg(
+        long,
+        value_name = "QUALITY",
+        value_enum,
+        default_value_t,
+        hide_default_value = true
+    )]
+    pub(super) quality: QualityWord,
     /// Draw how two models differ, in false colour with a legend: red where the second is brighter. Needs two models.
     /// Example: --model ward,ggx --difference
     #[arg(long)]

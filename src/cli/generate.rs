@@ -303,6 +303,7 @@ impl Job {
             material: &recipe.material,
             scene: &scene(mesh, Some(recipe)),
             timings: &Timings::off(),
+            reference: None,
         };
         let size = Size::new(PICTURE.0, PICTURE.1)?;
         let written = made.time("preview", || {

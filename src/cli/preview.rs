@@ -1,14 +1,14 @@
 //! `anisomap preview`
 
-use super::args::PreviewArgs;
+use super::args::{PreviewArgs, QualityWord};
 use super::generate::write_picture;
 use super::{Outcome, Result, console, input};
 use anisomap::Error;
 use anisomap::map::{AnisoMap, Size};
 use anisomap::mesh::Mesh;
 use anisomap::preview::{
-    Difference, Look, Material, Measure, Picture, Scene, Stage, Subject, Timings, panel_size,
-    side_by_side,
+    Difference, Look, Material, Measure, Picture, Quality, REFERENCE_SAMPLES, Scene, Stage,
+    Subject, Timings, panel_size, render_reference, side_by_side,
 };
 use anisomap::recipe::Recipe;
 use glam::Vec3;
@@ -53,7 +53,17 @@ pub(super) fn run(args: PreviewArgs) -> Result {
         scene.set_directions(&args.light);
     }
     scene.exposure = args.exposure.unwrap_or(scene.exposure);
-    scene.samples = args.samples.unwrap_or(scene.samples);
+    let reference = args.quality == QualityWord::Reference;
+    let reference = reference.then(|| args.samples.unwrap_or(REFERENCE_SAMPLES));
+    if reference.is_none() {
+        scene.samples = args.samples.unwrap_or(scene.samples);
+    }
+    if args.quality == QualityWord::Plain {
+        scene.quality = Quality {
+            back_faces: true,
+            ..Quality::PLAIN
+        };
+    }
     let looks = looks(&args.model, recipe)?;
     let timings = if args.timings {
         Timings::on()
@@ -62,6 +72,7 @@ pub(super) fn run(args: PreviewArgs) -> Result {
     };
     let shown = Shown {
         timings: &timings,
+        reference,
         mesh: &mesh,
         map: &source.map,
         material: &material,
@@ -162,6 +173,8 @@ pub(super) struct Shown<'a> {
     pub(super) material: &'a Material,
     pub(super) scene: &'a Scene,
     pub(super) timings: &'a Timings,
+    /// Samples along a pixel's side of a reference, when it shall be one.
+    pub(super) reference: Option<u32>,
 }
 
 impl Shown<'_> {
@@ -176,6 +189,10 @@ impl Shown<'_> {
     /// One picture per look.
     fn pictures(&self, looks: &[Look], size: Size) -> Result<Vec<Picture>> {
         console::with_progress("drawing", |progress| {
+            if let Some(samples) = self.reference {
+                let subject = self.subject();
+                return render_reference(subject, self.scene, looks, size, samples, progress);
+            }
             let prepared = self.subject().prepare(self.timings);
             prepared.render(self.scene, looks, size, self.timings, progress)
         })

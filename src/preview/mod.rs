@@ -12,6 +12,7 @@ mod difference;
 mod look;
 mod packed;
 mod picture;
+mod reference;
 mod scene;
 mod shade;
 mod sheet;
@@ -21,6 +22,7 @@ pub use caption::{Align, write_text};
 pub use difference::{Difference, Measure};
 pub use look::Look;
 pub use picture::{Picture, linear_from_srgb, srgb_from_linear};
+pub use reference::{REFERENCE_SAMPLES, render_reference};
 pub use scene::{Background, Light, Quality, Rig, SAMPLES_MAX, Scene};
 
 pub use crate::recipe::Material;

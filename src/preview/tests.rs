@@ -421,3 +421,84 @@ fn too_many_samples_are_refused_with_the_picture_size() {
         "{e}"
     );
 }
+
+#[test]
+fn the_reference_is_what_the_picture_tends_to() {
+    // Rough enough that no sample misses a highlight, directions that turn across the map.
+    let mut map = constant(0.25, 0.5, 0.0);
+    for i in 0..64 {
+        let texel = Texel {
+            alpha_x: 0.2 + 0.01 * (i % 8) as f32,
+            alpha_y: 0.5,
+            axis: Axis::from_degrees(3.0 * i as f32),
+        };
+        map.region_mut().set(i, texel);
+    }
+    let material = Material {
+        diffuse: [0.2, 0.1, 0.1],
+        specular: [0.5, 0.6, 0.7],
+        ambient: [0.1; 3],
+    };
+    let looks: Vec<Look> = Look::list("ward,ward-bounded,ggx,ward:mean").unwrap();
+    for mesh in [crate::mesh::torus(), crate::mesh::pot()] {
+        let subject = Subject {
+            mesh: &mesh,
+            map: &map,
+            material: &material,
+        };
+        let mut scene = Scene::for_mesh(&mesh);
+        scene.samples = 4;
+        let draw = |samples| {
+            let none = Progress::none();
+            render_reference(subject, &scene, &looks, size(64, 48), samples, &none).unwrap()
+        };
+        let fast = |quality| {
+            let scene = Scene {
+                quality,
+                ..scene.clone()
+            };
+            render(subject, &scene, &looks, size(64, 48), &Progress::none()).unwrap()
+        };
+        let plain = fast(Quality {
+            back_faces: true,
+            ..Quality::PLAIN
+        });
+        let (standard, four, eight) = (fast(Quality::default()), draw(4), draw(8));
+        for (i, look) in looks.iter().enumerate() {
+            let [plain, standard, four, eight] = [&plain, &standard, &four, &eight].map(|p| &p[i]);
+            let mean = |a: &Picture, b: &Picture| {
+                let difference = |(a, b): (&[f32; 3], &[f32; 3])| f64::from((a[1] - b[1]).abs());
+                let sum: f64 = a.pixels().iter().zip(b.pixels()).map(difference).sum();
+                sum / a.pixels().len() as f64
+            };
+            let name = format!("{} {look}", mesh.name);
+            // The same samples, other arithmetic.
+            assert!(mean(plain, four) < 1e-5, "{name}: {}", mean(plain, four));
+            // More samples move the outline.
+            assert!(mean(four, eight) < 4e-3, "{name}: {}", mean(four, eight));
+            assert!(
+                mean(standard, eight) < 4e-3,
+                "{name}: {}",
+                mean(standard, eight)
+            );
+            assert!(mean(four, eight) > 0.0);
+        }
+    }
+}
+
+#[test]
+fn the_reference_says_which_numbers_of_samples_fit_its_tiles() {
+    let mesh = crate::mesh::plane();
+    let map = constant(0.1, 0.1, 0.0);
+    let subject = Subject {
+        mesh: &mesh,
+        map: &map,
+        material: &SHINY,
+    };
+    let scene = head_on(&mesh);
+    for samples in [0, 5, 7, 49, u32::MAX] {
+        let none = Progress::none();
+        let error = render_reference(subject, &scene, &[WARD], size(8, 8), samples, &none);
+        assert!(error.unwrap_err().to_string().contains("1, 2, 3, 4, 6, 8"));
+    }
+}

@@ -10,10 +10,12 @@
 
 mod camera;
 mod clip;
+mod exact;
 mod resolve;
 mod visibility;
 
 pub use camera::{Camera, Projection, View};
+pub use exact::Exact;
 pub use resolve::Fragments;
 
 use crate::error::{Error, Result};
@@ -132,6 +134,14 @@ impl GBuffer {
         let tile = &self.tiles[tile];
         let seen = (tile.rect, &tile.seen[..]);
         resolve::resolve(mesh, &self.vertices, &self.view, seen, changes, out);
+    }
+
+    /// Every sample of a tile that sees something, with its attributes in f64, in row order.
+    ///
+    /// # Panics
+    /// When `mesh` is not the one that was drawn, or there are fewer tiles.
+    pub fn exact<'a>(&'a self, mesh: &'a Mesh, tile: usize) -> impl Iterator<Item = Exact> + 'a {
+        exact::samples(mesh, &self.vertices, &self.view, &self.tiles[tile])
     }
 }
 

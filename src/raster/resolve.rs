@@ -226,21 +226,21 @@ impl Place {
 }
 
 /// A triangle's homogeneous edge functions.
-struct Edges {
-    corners: [usize; 3],
+pub(super) struct Edges {
+    pub(super) corners: [usize; 3],
     /// Row i, dotted with (x, y, 1), is corner i's weight over w, up to one common factor.
     rows: [DVec3; 3],
 }
 
 /// Weights of the three corners at a sample, and their change.
-struct Weights {
-    at: [f32; 3],
-    dx: [f32; 3],
-    dy: [f32; 3],
+pub(super) struct Weights {
+    pub(super) at: [f64; 3],
+    dx: [f64; 3],
+    dy: [f64; 3],
 }
 
 impl Edges {
-    fn new(mesh: &Mesh, vertices: &Vertices, triangle: u32) -> Self {
+    pub(super) fn new(mesh: &Mesh, vertices: &Vertices, triangle: u32) -> Self {
         let corners = mesh.triangles[triangle as usize].map(|i| i as usize);
         let h = corners.map(|i| vertices.projected[i].map_or(DVec3::ZERO, |v| v.h));
         Self {
@@ -249,7 +249,7 @@ impl Edges {
         }
     }
 
-    fn weights(&self, x: f64, y: f64) -> Weights {
+    pub(super) fn weights(&self, x: f64, y: f64) -> Weights {
         let p = DVec3::new(x, y, 1.0);
         let raw = self.rows.map(|r| r.dot(p));
         let sum: f64 = raw.iter().sum();
@@ -263,12 +263,12 @@ impl Edges {
             };
         }
         let total: DVec3 = self.rows.iter().sum();
-        let change = |i: usize, row: f64, all: f64| ((row - at[i] * all) / sum) as f32;
+        let change = |i: usize, row: f64, all: f64| (row - at[i] * all) / sum;
         // The rounding of corners can put a centre a hair outside: never extrapolate.
         let inside = at.map(|w| w.max(0.0));
         let inside_sum: f64 = inside.iter().sum();
         Weights {
-            at: inside.map(|w| (w / inside_sum) as f32),
+            at: inside.map(|w| w / inside_sum),
             dx: [0, 1, 2].map(|i| change(i, self.rows[i].x, total.x)),
             dy: [0, 1, 2].map(|i| change(i, self.rows[i].y, total.y)),
         }
@@ -409,15 +409,15 @@ impl Surface {
 }
 
 /// The side of a triangle that the vertex normals call outside.
-struct Outward {
+pub(super) struct Outward {
     /// Of any length; zero for a triangle without area.
-    normal: Vec3,
+    pub(super) normal: Vec3,
     /// Whether the triangle winds counter-clockwise seen from there.
     as_wound: bool,
 }
 
 #[inline(always)]
-fn outward(rows: [&Row; 3]) -> Outward {
+pub(super) fn outward(rows: [&Row; 3]) -> Outward {
     let [a, b, c] = rows.map(Row::position);
     let normals: Vec3 = rows.map(Row::normal).into_iter().sum();
     let face = (b - a).cross(c - a);
@@ -438,7 +438,7 @@ fn carefully(
     let edges = Edges::new(mesh, vertices, triangle);
     let w = edges.weights(f64::from(column) + 0.5, f64::from(row) + 0.5);
     let rows = edges.corners.map(|i| &vertices.rows[i]);
-    let mix = |w: [f32; 3]| mix(rows, w.map(f64::from));
+    let mix = |w: [f64; 3]| mix(rows, w);
     (mix(w.at), [mix(w.dx), mix(w.dy)])
 }
 

@@ -513,3 +513,20 @@ fn broken_meshes_are_refused_and_cancelling_cancels() {
     mesh.uvs.pop();
     assert!(draw(&mesh, &Progress::none()).is_err());
 }
+
+#[test]
+fn attributes_in_f64_are_the_same_attributes() {
+    let mesh = torus(64, 32);
+    let (_, buffer) = draw(&mesh, &camera(Vec3::new(0.0, 2.0, 3.0)), 200, 150);
+    let mut exact = (0..buffer.tiles().len()).flat_map(|tile| buffer.exact(&mesh, tile));
+    each(&mesh, &buffer, |x, y, f, i| {
+        let e = exact.next().expect("as many samples");
+        assert_eq!((e.column, e.row), (x, y));
+        assert!(e.position.distance(f.position(i).as_dvec3()) < 1e-4);
+        assert!(e.normal.distance(f.normal(i).as_dvec3()) < 1e-4);
+        assert!(e.tangent.distance(f.tangent(i).truncate().as_dvec3()) < 1e-4);
+        assert!(e.uv.distance(f.uv(i).as_dvec2()) < 1e-4);
+        assert_eq!((e.handedness, e.facing), (1.0, f64::from(f.facing[i])));
+    });
+    assert!(exact.next().is_none());
+}
