@@ -7,6 +7,7 @@
 pub mod gltf;
 mod lobe_fit;
 mod record;
+pub mod storage;
 
 pub use lobe_fit::LobeFit;
 pub(crate) use record::generator;
