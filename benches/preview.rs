@@ -278,7 +278,9 @@ fn main() {
             map,
             material: &MATERIAL,
         };
-        subject.prepare(&Timings::off())
+        subject
+            .prepare(&Timings::off())
+            .expect("a mesh that fits together")
     };
     let (mapped, plain) = (prepare(&map), prepare(&constant));
     let look = |mean| Look {

@@ -4,7 +4,7 @@ use anisomap::map::Size;
 use anisomap::mesh::{self, pot};
 use anisomap::preview::{Look, Picture, Scene, Subject, render};
 use anisomap::progress::Progress;
-use anisomap::raster::{Cull, Fragments, GBuffer, View};
+use anisomap::raster::{Cull, Fragments, GBuffer, Geometry, View};
 use anisomap::recipe::{Recipe, preset};
 
 fn size(width: u32, height: u32) -> Size {
@@ -103,22 +103,17 @@ fn the_pots_highlight_runs_its_full_height() {
     let picture = draw(&recipe("pot"), &mesh, "ward", size).remove(0);
     // The pixels that show the wall.
     let view = View::new(&Scene::for_mesh(&mesh).camera, size).expect("a camera");
-    let buffer = GBuffer::draw(&mesh, &view, size.rect(), Cull::None, &Progress::none())
+    let geometry = Geometry::new(&mesh).expect("a mesh that fits together");
+    let buffer = GBuffer::draw(&geometry, &view, size.rect(), Cull::None, &Progress::none())
         .expect("nobody cancels");
     let width = size.width() as usize;
     let mut wall = vec![false; size.texels()];
-    let mut fragments = Fragments::default();
-    for (n, tile) in buffer.tiles().iter().enumerate() {
-        buffer.resolve(&mesh, n, false, &mut fragments);
-        for (i, place) in fragments.place.iter().enumerate() {
-            if pot::BODY.contains(fragments.uv(i)) {
-                let place = u32::from(*place);
-                let (x, y) = (
-                    tile.rect.x + place % tile.rect.width,
-                    tile.rect.y + place / tile.rect.width,
-                );
-                wall[y as usize * width + x as usize] = true;
-            }
+    let mut fragments = Fragments::new();
+    for tile in buffer.tiles() {
+        tile.resolve(&geometry, buffer.corners(), false, &mut fragments);
+        for i in (0..fragments.len()).filter(|i| pot::BODY.contains(fragments.uv(*i))) {
+            let (x, y) = fragments.place(i);
+            wall[y as usize * width + x as usize] = true;
         }
     }
     let light: Vec<f32> = picture

@@ -193,7 +193,7 @@ impl Shown<'_> {
                 let subject = self.subject();
                 return render_reference(subject, self.scene, looks, size, samples, progress);
             }
-            let prepared = self.subject().prepare(self.timings);
+            let prepared = self.subject().prepare(self.timings)?;
             prepared.render(self.scene, looks, size, self.timings, progress)
         })
     }

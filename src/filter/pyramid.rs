@@ -4,12 +4,13 @@
 //! of [`SlopeCovariance`], and a fetch between texels and levels is a weighted sum of it. Averaging widths and directions
 //! instead keeps the peak and loses the shape: brushed metal seen from afar must grow rough across its grooves.
 
-use crate::map::{AnisoMap, Size, SlopeCovariance, Texel};
+use crate::map::{AnisoMap, Rect, Size, SlopeCovariance, Texel};
 use crate::math;
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::Vec2;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// How much longer than wide a footprint may be; a longer one is taken as wider.
 const RATIO_MAX: f32 = 8.0;
@@ -22,8 +23,9 @@ const CHUNK: usize = 256;
 /// and for maps up to 4096x4096 all of them again at 16 bytes: a texel's four numbers side by side, so that a fetch meets two
 /// lines of the cache and not eight.
 pub struct Pyramid<'a> {
-    base: &'a AnisoMap,
-    /// alpha_x, alpha_y, cos 2θ, sin 2θ of each texel; empty for a map that is too large.
+    base: Cow<'a, AnisoMap>,
+    /// alpha_x, alpha_y, cos 2θ, sin 2θ of each texel, in rows that end with what lies to the right of the map's last column;
+    /// empty for a map that is too large.
     texels: Vec<[f32; 4]>,
     /// From half size on.
     levels: Vec<Level>,
@@ -31,42 +33,100 @@ pub struct Pyramid<'a> {
 
 struct Level {
     size: Size,
+    /// Which texels of the level below each column and each row covers, and how much of each.
+    columns: Vec<(usize, Vec<f32>)>,
+    rows: Vec<(usize, Vec<f32>)>,
     texels: Vec<SlopeCovariance>,
 }
 
 impl<'a> Pyramid<'a> {
     /// Averages `base` down to one texel. Sides that are odd are halved downward (5 to 2) with box weights, so every texel
     /// counts the same.
-    pub fn new(base: &'a AnisoMap) -> Self {
+    pub fn new(base: impl Into<Cow<'a, AnisoMap>>) -> Self {
+        let base = base.into();
         let mut levels: Vec<Level> = Vec::new();
         let mut size = base.size();
         while size.texels() > 1 {
-            let next = match levels.last() {
-                None => halve(size, |i| base.texel_at(i).into()),
-                Some(level) => halve(size, |i| level.texels[i]),
-            };
+            let mut next = Level::half_of(size);
+            let whole = next.size.rect();
+            match levels.last() {
+                None => next.fill(whole, size, |i| base.texel_at(i).into()),
+                Some(level) => next.fill(whole, size, |i| level.texels[i]),
+            }
             size = next.size;
             levels.push(next);
         }
-        let texels = if base.size().texels() <= SIDE_BY_SIDE_MAX {
-            (0..base.size().texels())
-                .into_par_iter()
-                .with_min_len(1 << 14)
-                .map(|i| four(base, i))
-                .collect()
-        } else {
-            Vec::new()
-        };
-        Self {
+        let mut pyramid = Self {
+            texels: Vec::new(),
             base,
-            texels,
             levels,
+        };
+        let size = pyramid.base.size();
+        if size.texels() <= SIDE_BY_SIDE_MAX {
+            let places = (size.width() as usize + 1) * size.height() as usize;
+            pyramid.texels = vec![[0.0; 4]; places];
+            pyramid.lay_side_by_side(size.rect());
         }
+        pyramid
+    }
+
+    /// Changes texels of a rectangle of the map and of the levels above it: afterwards all is as if it were made anew from
+    /// the changed map. A map that was borrowed is copied first.
+    ///
+    /// # Panics
+    /// When the rectangle reaches outside the map.
+    pub fn change(&mut self, rect: Rect, change: impl FnOnce(&mut AnisoMap)) {
+        let mut size = self.base.size();
+        assert!(
+            size.rect().intersection(rect) == Some(rect),
+            "a rectangle inside the map"
+        );
+        change(self.base.to_mut());
+        self.lay_side_by_side(rect);
+        let mut rect = rect;
+        for i in 0..self.levels.len() {
+            let (below, above) = self.levels.split_at_mut(i);
+            let next = &mut above[0];
+            rect = next.above(rect, size);
+            match below.last() {
+                None => next.fill(rect, size, |i| self.base.texel_at(i).into()),
+                Some(level) => next.fill(rect, size, |i| level.texels[i]),
+            }
+            size = next.size;
+        }
+    }
+
+    /// Copies a rectangle of the map to where fetches find it.
+    fn lay_side_by_side(&mut self, rect: Rect) {
+        if self.texels.is_empty() {
+            return;
+        }
+        let base = self.base.as_ref();
+        let width = base.width() as usize;
+        let columns = rect.x as usize..(rect.x + rect.width) as usize;
+        let beyond = if base.wrap().repeats_u() {
+            0
+        } else {
+            width - 1
+        };
+        self.texels
+            .par_chunks_mut(width + 1)
+            .enumerate()
+            .skip(rect.y as usize)
+            .take(rect.height as usize)
+            .for_each(|(y, row)| {
+                for x in columns.clone() {
+                    row[x] = four(base, y * width + x);
+                }
+                if columns.contains(&beyond) {
+                    row[width] = row[beyond];
+                }
+            });
     }
 
     /// The map itself.
     pub fn base(&self) -> &AnisoMap {
-        self.base
+        &self.base
     }
 
     /// The mean lobe of the whole map, in the (u, v) frame.
@@ -111,24 +171,48 @@ impl<'a> Pyramid<'a> {
 
     /// The bilinear blend of alphas and double-angle vectors at each texture coordinate, (alpha_x, alpha_y, cos 2θ, sin 2θ) with
     /// a vector that is not yet of unit length: [`AnisoMap::sample`] before its end.
-    pub fn fetch_plain(&self, uv: impl Fn(usize) -> Vec2, out: &mut [[f32; 4]]) {
+    ///
+    /// # Panics
+    /// When the slices have different lengths.
+    pub fn fetch_plain(&self, u: &[f32], v: &[f32], out: &mut [[f32; 4]]) {
+        assert!(u.len() == out.len() && v.len() == out.len(), "one length");
         let level = math::level();
         let (w, h) = (self.base.width(), self.base.height());
         let wrap = self.base.wrap();
         let mut columns = Places::new();
         let mut rows = Places::new();
-        for (chunk, out) in out.chunks_mut(CHUNK).enumerate() {
-            for i in 0..out.len() {
-                let uv = uv(chunk * CHUNK + i);
-                columns.at[i] = uv.x;
-                rows.at[i] = 1.0 - uv.y;
-            }
-            dispatch!(level, simd => places(simd, &mut columns, w, wrap.repeats_u()));
-            dispatch!(level, simd => places(simd, &mut rows, h, wrap.repeats_v()));
+        let chunks = u.chunks(CHUNK).zip(v.chunks(CHUNK));
+        for ((u, v), out) in chunks.zip(out.chunks_mut(CHUNK)) {
+            dispatch!(level, simd => places(simd, &mut columns, u, (1.0, 0.0), w, wrap.repeats_u()));
+            dispatch!(level, simd => places(simd, &mut rows, v, (-1.0, 1.0), h, wrap.repeats_v()));
             if self.texels.is_empty() {
-                blend(&columns, &rows, w, |i| four(self.base, i), out);
+                self.blend_planes(&columns, &rows, out);
             } else {
-                blend(&columns, &rows, w, |i| self.texels[i], out);
+                let texels = bytemuck::cast_slice(&self.texels);
+                dispatch!(level, simd => blend(simd, &columns, &rows, w + 1, texels, out));
+            }
+        }
+    }
+
+    /// A blend of four texels of the map for each place.
+    fn blend_planes(&self, columns: &Places, rows: &Places, out: &mut [[f32; 4]]) {
+        let width = self.base.width() as usize;
+        for (i, out) in out.iter_mut().enumerate() {
+            let (x, y) = (columns.share[i], rows.share[i]);
+            let (left, right) = (columns.low[i] as usize, columns.high[i] as usize);
+            let (top, bottom) = (rows.low[i] as usize * width, rows.high[i] as usize * width);
+            let row = |start: usize| {
+                let (a, b) = (
+                    four(&self.base, start + left),
+                    four(&self.base, start + right),
+                );
+                [0, 1, 2, 3].map(|c| (a[c], b[c]))
+            };
+            let (above, below) = (row(top), row(bottom));
+            for c in 0..4 {
+                let down = |a: f32, b: f32| a * (1.0 - y) + b * y;
+                let (left, right) = (down(above[c].0, below[c].0), down(above[c].1, below[c].1));
+                out[c] = left * (1.0 - x) + right * x;
             }
         }
     }
@@ -172,7 +256,6 @@ impl<'a> Pyramid<'a> {
 
 /// Where fetches lie along one side of the map: between which two texels, and how far from the first.
 struct Places {
-    at: [f32; CHUNK],
     low: [u32; CHUNK],
     high: [u32; CHUNK],
     share: [f32; CHUNK],
@@ -181,7 +264,6 @@ struct Places {
 impl Places {
     fn new() -> Self {
         Self {
-            at: [0.0; CHUNK],
             low: [0; CHUNK],
             high: [0; CHUNK],
             share: [0.0; CHUNK],
@@ -189,57 +271,67 @@ impl Places {
     }
 }
 
-/// The rules of [`Wrap::footprint`](crate::map::Wrap::footprint) without a branch.
+/// The rules of [`Wrap::footprint`](crate::map::Wrap::footprint) without a branch, for `sign` times each coordinate plus
+/// `offset`. Where the side ends, both texels are the last, or the share is 0.
 #[simd]
-fn places<S: Simd>(_: S, places: &mut Places, texels: u32, repeats: bool) {
+fn places<S: Simd>(
+    _: S,
+    places: &mut Places,
+    at: &[f32],
+    (sign, offset): (f32, f32),
+    texels: u32,
+    repeats: bool,
+) {
     let n = texels as f32;
     let last = texels as i32 - 1;
-    for i in 0..CHUNK {
-        let t = places.at[i];
+    let all = at.len().min(CHUNK);
+    let (low, high) = (&mut places.low[..all], &mut places.high[..all]);
+    let share = &mut places.share[..all];
+    for i in 0..all {
+        let t = at[i] * sign + offset;
         let t = if t.abs() < f32::INFINITY { t } else { 0.0 };
         let clamped = if t < 0.0 { 0.0 } else { t };
         let clamped = if clamped > 1.0 { 1.0 } else { clamped };
         let t = if repeats { t - t.floor() } else { clamped };
         let x = t * n - 0.5;
         // Between -0.5 and 32767.5.
-        let low = math::floor_fast(x);
-        places.share[i] = x - low;
-        let low = math::whole(low);
-        let high = low + 1;
+        let floor = math::floor_fast(x);
+        let whole = math::whole(floor);
+        let before = whole < 0;
+        share[i] = if before & !repeats { 0.0 } else { x - floor };
         let under = if repeats { last } else { 0 };
         let over = if repeats { 0 } else { last };
-        places.low[i] = (if low < 0 { under } else { low }) as u32;
-        places.high[i] = (if high > last { over } else { high }) as u32;
+        let next = whole + 1;
+        low[i] = (if before { under } else { whole }) as u32;
+        high[i] = (if next > last { over } else { next }) as u32;
     }
 }
 
-/// A blend of four texels for each place.
-#[inline(always)]
-fn blend(
+/// A blend of four texels for each place; `texels` holds four numbers of each, in rows of `stride` in which the right
+/// neighbour of every column stands beside it.
+#[simd]
+fn blend<S: Simd>(
+    _: S,
     columns: &Places,
     rows: &Places,
-    width: u32,
-    texel: impl Fn(usize) -> [f32; 4],
+    stride: u32,
+    texels: &[f32],
     out: &mut [[f32; 4]],
 ) {
     let n = out.len().min(CHUNK);
     for i in 0..n {
         let (x, y) = (columns.share[i], rows.share[i]);
-        let (left, right) = (columns.low[i] as usize, columns.high[i] as usize);
-        let top = rows.low[i] as usize * width as usize;
-        let bottom = rows.high[i] as usize * width as usize;
-        let weights = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
-        let texels = [
-            texel(top + left),
-            texel(top + right),
-            texel(bottom + left),
-            texel(bottom + right),
-        ];
+        let pair = |row: u32| {
+            let start = (row * stride + columns.low[i]) as usize * 4;
+            &texels[start..start + 8]
+        };
+        let (above, below) = (pair(rows.low[i]), pair(rows.high[i]));
+        let mut both = [0.0; 8];
+        for c in 0..8 {
+            both[c] = above[c] * (1.0 - y) + below[c] * y;
+        }
         for c in 0..4 {
-            out[i][c] = texels[0][c] * weights[0]
-                + texels[1][c] * weights[1]
-                + texels[2][c] * weights[2]
-                + texels[3][c] * weights[3];
+            out[i][c] = both[c] * (1.0 - x) + both[4 + c] * x;
         }
     }
 }
@@ -289,32 +381,64 @@ fn box_weights(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
         .collect()
 }
 
-fn halve(size: Size, source: impl Fn(usize) -> SlopeCovariance + Sync) -> Level {
-    let (width, height) = ((size.width() / 2).max(1), (size.height() / 2).max(1));
-    let half = Size::new(width, height).expect("smaller than a checked size, and not 0");
-    let columns = box_weights(size.width(), width);
-    let rows = box_weights(size.height(), height);
-    let row_sum = |y: usize, (x, weights): &(usize, Vec<f32>)| {
-        let start = y * size.width() as usize + x;
-        weights
-            .iter()
-            .enumerate()
-            .fold(SlopeCovariance::default(), |sum, (k, &w)| {
-                sum + source(start + k) * w
-            })
-    };
-    let mut texels = vec![SlopeCovariance::default(); half.texels()];
-    texels
-        .par_chunks_mut(width as usize)
-        .zip(&rows)
-        .for_each(|(line, (y, weights))| {
-            for (texel, column) in line.iter_mut().zip(&columns) {
-                for (k, &w) in weights.iter().enumerate() {
-                    *texel += row_sum(y + k, column) * w;
+impl Level {
+    /// A level over one of `size`, yet to be filled.
+    fn half_of(size: Size) -> Self {
+        let (width, height) = ((size.width() / 2).max(1), (size.height() / 2).max(1));
+        let half = Size::new(width, height).expect("smaller than a checked size, and not 0");
+        Self {
+            size: half,
+            columns: box_weights(size.width(), width),
+            rows: box_weights(size.height(), height),
+            texels: vec![SlopeCovariance::default(); half.texels()],
+        }
+    }
+
+    /// The texels that cover any of a rectangle of the level of `size` below.
+    fn above(&self, rect: Rect, size: Size) -> Rect {
+        // One more on each side: weights are formed in floating point.
+        let range = |start: u32, length: u32, from: u32, to: u32| {
+            let place = |i: u32| (u64::from(i) * u64::from(to) / u64::from(from)) as u32;
+            let first = place(start).saturating_sub(1).min(to - 1);
+            (first, (place(start + length) + 1).min(to - 1))
+        };
+        let (left, right) = range(rect.x, rect.width, size.width(), self.size.width());
+        let (top, bottom) = range(rect.y, rect.height, size.height(), self.size.height());
+        Rect {
+            x: left,
+            y: top,
+            width: right - left + 1,
+            height: bottom - top + 1,
+        }
+    }
+
+    /// Averages a rectangle of the level from one of `size` below.
+    fn fill(&mut self, rect: Rect, size: Size, source: impl Fn(usize) -> SlopeCovariance + Sync) {
+        let row_sum = |y: usize, (x, weights): &(usize, Vec<f32>)| {
+            let start = y * size.width() as usize + x;
+            weights
+                .iter()
+                .enumerate()
+                .fold(SlopeCovariance::default(), |sum, (k, &w)| {
+                    sum + source(start + k) * w
+                })
+        };
+        let columns = rect.x as usize..(rect.x + rect.width) as usize;
+        self.texels
+            .par_chunks_mut(self.size.width() as usize)
+            .zip(&self.rows)
+            .skip(rect.y as usize)
+            .take(rect.height as usize)
+            .for_each(|(line, (y, weights))| {
+                let line = &mut line[columns.clone()];
+                for (texel, column) in line.iter_mut().zip(&self.columns[columns.clone()]) {
+                    *texel = SlopeCovariance::default();
+                    for (k, &w) in weights.iter().enumerate() {
+                        *texel += row_sum(y + k, column) * w;
+                    }
                 }
-            }
-        });
-    Level { size: half, texels }
+            });
+    }
 }
 
 #[cfg(test)]
@@ -406,12 +530,12 @@ mod tests {
             let map = grooved(19, 7, wrap);
             let mut pyramid = Pyramid::new(&map);
             for _ in 0..2 {
-                let uv = |i: usize| {
-                    let strange = |i: usize| odd.get(i).copied().unwrap_or(i as f32 * 0.0137 - 2.0);
-                    Vec2::new(strange(i % 700), strange((i * 7) % 611))
-                };
+                let strange = |i: usize| odd.get(i).copied().unwrap_or(i as f32 * 0.0137 - 2.0);
+                let u: Vec<f32> = (0..999).map(|i| strange(i % 700)).collect();
+                let v: Vec<f32> = (0..999).map(|i| strange((i * 7) % 611)).collect();
+                let uv = |i: usize| Vec2::new(u[i], v[i]);
                 let mut out = vec![[0.0; 4]; 999];
-                pyramid.fetch_plain(uv, &mut out);
+                pyramid.fetch_plain(&u, &v, &mut out);
                 for (i, [x, y, c, s]) in out.into_iter().enumerate() {
                     let want = map.sample(uv(i).x, uv(i).y);
                     let got = crate::map::settle(x, y, c, s);
@@ -425,6 +549,41 @@ mod tests {
                 }
                 // The same from the planes.
                 pyramid.texels = Vec::new();
+            }
+        }
+    }
+
+    #[test]
+    fn changing_a_rectangle_is_making_it_anew() {
+        for (w, h) in [(64, 64), (37, 100), (5, 3), (1, 9)] {
+            for wrap in [Wrap::Repeat, Wrap::Clamp] {
+                let mut map = grooved(w, h, wrap);
+                let mut pyramid = Pyramid::new(map.clone());
+                for k in 0..6 {
+                    let (x, y) = (k * 7 % w, k * 11 % h);
+                    let rect = Rect {
+                        x,
+                        y,
+                        width: (w - x).min(1 + 5 * k),
+                        height: (h - y).min(3),
+                    };
+                    let paint = |map: &mut AnisoMap| {
+                        let mut region = map.region(rect);
+                        let texel = Texel {
+                            alpha_x: 0.5 + 0.01 * k as f32,
+                            ..DEFAULT_TEXEL
+                        };
+                        (0..rect.texels()).for_each(|i| region.view_mut().set(i, texel));
+                        map.write_region(&region);
+                    };
+                    paint(&mut map);
+                    pyramid.change(rect, paint);
+                    let anew = Pyramid::new(&map);
+                    assert!(pyramid.base() == &map && pyramid.texels == anew.texels);
+                    for (level, new) in pyramid.levels.iter().zip(&anew.levels) {
+                        assert!(level.texels == new.texels, "{w}x{h} {wrap:?} {rect:?}");
+                    }
+                }
             }
         }
     }

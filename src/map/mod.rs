@@ -14,6 +14,7 @@ pub use sample::Footprint;
 use crate::error::Result;
 use crate::math::{AXIS_MIN_LENGTH, Axis};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// The smallest width a map holds and light is computed with; below it f32 lobes overflow.
 pub const ALPHA_MIN: f32 = crate::brdf::ALPHA_FLOOR;
@@ -247,6 +248,18 @@ impl AnisoMap {
     /// Copies a rectangle into the map, where the two overlap.
     pub fn write_region(&mut self, source: &Region) {
         self.region.copy_from(source);
+    }
+}
+
+impl<'a> From<&'a AnisoMap> for Cow<'a, AnisoMap> {
+    fn from(map: &'a AnisoMap) -> Self {
+        Self::Borrowed(map)
+    }
+}
+
+impl From<AnisoMap> for Cow<'_, AnisoMap> {
+    fn from(map: AnisoMap) -> Self {
+        Self::Owned(map)
     }
 }
 

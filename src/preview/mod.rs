@@ -1,7 +1,8 @@
 //! Map, mesh, model, camera and lights to a picture.
 //!
-//! A picture is drawn in bands of bounded memory: triangles to a [`GBuffer`] once, then one shading pass per [`Look`], so that
-//! looks side by side share their geometry. Light is linear until [`Picture::to_srgb8`]; supersampling is a box filter in
+//! A picture is drawn tile by tile: which triangle each sample sees, then one shading pass per [`Look`] while the tile is in
+//! the cache, so that looks side by side share their geometry. A [`Frame`] keeps what was seen, and later pictures of it cost
+//! only what changed. Light is linear until [`Picture::to_srgb8`]; supersampling is a box filter in
 //! linear light. The same input gives the same bytes with any number of threads.
 //!
 //! The sum is the paper's: I = k_a I_a + sum of E_i (rho_d / pi (n.l) + rho_s f(l, v) (n.l)), where a light contributes
@@ -9,9 +10,11 @@
 
 mod caption;
 mod difference;
+mod frame;
 mod look;
 mod packed;
 mod picture;
+mod prepared;
 mod reference;
 mod scene;
 mod shade;
@@ -20,25 +23,21 @@ mod timings;
 
 pub use caption::{Align, write_text};
 pub use difference::{Difference, Measure};
+pub use frame::{Frame, Redrawn};
 pub use look::Look;
 pub use picture::{Picture, linear_from_srgb, srgb_from_linear};
+pub use prepared::Prepared;
 pub use reference::{REFERENCE_SAMPLES, render_reference};
 pub use scene::{Background, Light, Quality, Rig, SAMPLES_MAX, Scene};
 
 pub use crate::recipe::Material;
-pub use shade::Shader;
 pub use sheet::{panel_size, side_by_side};
 pub use timings::{Stage, Timings};
 
 use crate::error::{Error, Result};
-use crate::filter::Pyramid;
-use crate::map::{AnisoMap, Rect, Size};
+use crate::map::{AnisoMap, Size};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
-use crate::raster::{Cull, GBuffer, TILE, View};
-
-/// Samples in a band: what is seen takes about 12 bytes each while it is drawn.
-const BAND_SAMPLES: u64 = 1 << 21;
 
 /// What is looked at.
 #[derive(Clone, Copy)]
@@ -51,87 +50,13 @@ pub struct Subject<'a> {
     pub material: &'a Material,
 }
 
-/// A [`Subject`] made ready to be drawn again and again.
-pub struct Prepared<'a> {
-    mesh: &'a Mesh,
-    pyramid: Pyramid<'a>,
-    material: &'a Material,
-}
-
 impl<'a> Subject<'a> {
-    /// Works out what does not change while mesh, map and material stay: the map's levels, and its texels side by side.
-    pub fn prepare(self, timings: &Timings) -> Prepared<'a> {
-        Prepared {
-            mesh: self.mesh,
-            pyramid: timings.time(Stage::Prepare, || Pyramid::new(self.map)),
-            material: self.material,
-        }
-    }
-}
-
-impl Prepared<'_> {
-    /// Draws one picture of `size` pixels per look: [`render`] without preparing again.
+    /// Works out what does not change while mesh, map and material stay: see [`Prepared`].
     ///
     /// # Errors
-    /// As [`render`].
-    pub fn render(
-        &self,
-        scene: &Scene,
-        looks: &[Look],
-        size: Size,
-        timings: &Timings,
-        progress: &Progress<'_>,
-    ) -> Result<Vec<Picture>> {
-        // Before memory is asked for.
-        scene.check()?;
-        sample_grid(size, scene.samples)?;
-        let mut pictures = vec![Picture::new(size, [0.0; 3]); looks.len()];
-        self.draw(scene, looks, &mut pictures, timings, progress)?;
-        Ok(pictures)
-    }
-
-    /// Draws one picture per look into `pictures`, all from one visibility pass; what they held is gone.
-    ///
-    /// # Errors
-    /// As [`render`].
-    ///
-    /// # Panics
-    /// When there are not as many pictures as looks, or they are not of one size.
-    pub fn draw(
-        &self,
-        scene: &Scene,
-        looks: &[Look],
-        pictures: &mut [Picture],
-        timings: &Timings,
-        progress: &Progress<'_>,
-    ) -> Result<()> {
-        assert_eq!(looks.len(), pictures.len(), "a picture for each look");
-        scene.check()?;
-        self.material.check()?;
-        let Some(size) = pictures.first().map(Picture::size) else {
-            return Ok(());
-        };
-        assert!(pictures.iter().all(|p| p.size() == size), "one size");
-        let view = View::new(&scene.camera, sample_grid(size, scene.samples)?)?;
-        let cull = if scene.quality.back_faces {
-            Cull::None
-        } else {
-            Cull::Back
-        };
-        let bands: Vec<Rect> = bands(view.size()).collect();
-        progress.expect(bands.len() as u64 * (1 + looks.len() as u64));
-        for band in bands {
-            let buffer = timings.time(Stage::Raster, || {
-                GBuffer::draw(self.mesh, &view, band, cull, progress)
-            })?;
-            progress.step()?;
-            for (&look, picture) in looks.iter().zip(pictures.iter_mut()) {
-                Shader::new(self.mesh, &self.pyramid, self.material, scene, view, look)
-                    .shade(&buffer, picture, timings, progress)?;
-                progress.step()?;
-            }
-        }
-        Ok(())
+    /// When the mesh's arrays do not fit together, or the material holds numbers that are not allowed.
+    pub fn prepare(self, timings: &Timings) -> Result<Prepared<'a>> {
+        Prepared::new(self.mesh, self.map, *self.material, timings)
     }
 }
 
@@ -152,7 +77,7 @@ pub fn render(
     sample_grid(size, scene.samples)?;
     let off = Timings::off();
     subject
-        .prepare(&off)
+        .prepare(&off)?
         .render(scene, looks, size, &off, progress)
 }
 
@@ -183,17 +108,6 @@ fn sample_grid(size: Size, samples: u32) -> Result<Size> {
             "allowed: at most 32768 samples a side and 16384x16384 in all",
         )
         .with_hint("Ask for a smaller picture or fewer samples")
-    })
-}
-
-fn bands(size: Size) -> impl Iterator<Item = Rect> {
-    let tile_row = u64::from(size.width()) * u64::from(TILE);
-    let rows = (BAND_SAMPLES / tile_row).max(1) as u32 * TILE;
-    (0..size.height().div_ceil(rows)).map(move |i| Rect {
-        x: 0,
-        y: i * rows,
-        width: size.width(),
-        height: rows.min(size.height() - i * rows),
     })
 }
 

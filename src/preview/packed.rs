@@ -5,6 +5,7 @@ use crate::brdf::kernel;
 use crate::filter::Pyramid;
 use crate::map::{ALPHA_MAX, ALPHA_MIN};
 use crate::math::AXIS_MIN_LENGTH;
+use crate::raster::{self, Lanes, Rays};
 use fearless_simd::Simd;
 use fearless_simd_macros::simd;
 use glam::Vec2;
@@ -24,11 +25,16 @@ const CURVATURE_MAX: f32 = 0.09;
 
 /// A chunk on its way from fragments to light.
 pub(super) struct Chunk {
-    pub(super) position: [Lane; 3],
+    position: [Lane; 3],
     /// Tangent, bitangent, and the normal of the side that is seen.
     frame: [[Lane; 3]; 3],
     /// 1 where the mesh gives a tangent, else 0.
     usable: Lane,
+    /// 1/q where attributes are to be divided by it.
+    inverse: Lane,
+    /// Texture coordinate, v up, and its change to the right and downward.
+    uv: [Lane; 2],
+    uv_change: [[Lane; 2]; 2],
     /// The unit vector to the viewer in the frame.
     pub(super) view: [Lane; 3],
     /// The variance of slope inside a sample, in the tangent frame, that the surface's bend alone makes: uu, uv, vv.
@@ -46,16 +52,30 @@ pub(super) struct Chunk {
     pub(super) radiance: [Lane; 3],
 }
 
-/// The fragments of a chunk, as [`Fragments`](crate::raster::Fragments) holds them.
+/// The fragments of a chunk: up to [`CHUNK`] of those of a tile.
 #[derive(Clone, Copy)]
 pub(super) struct Given<'a> {
-    pub(super) facing: &'a [f32],
-    pub(super) position: &'a [[f32; 4]],
-    pub(super) normal: &'a [[f32; 4]],
-    pub(super) tangent: &'a [[f32; 4]],
-    /// Of the normal; empty where nothing is widened.
-    pub(super) normal_dx: &'a [[f32; 4]],
-    pub(super) normal_dy: &'a [[f32; 4]],
+    pub(super) lanes: &'a Lanes,
+    pub(super) rays: &'a Rays,
+    pub(super) start: usize,
+    pub(super) count: usize,
+}
+
+impl<'a> Given<'a> {
+    #[inline(always)]
+    fn of(&self, lane: &'a raster::Lane) -> &'a [f32] {
+        &lane[self.start..][..self.count.min(CHUNK)]
+    }
+
+    #[inline(always)]
+    fn of2(&self, lanes: &'a [raster::Lane; 2]) -> [&'a [f32]; 2] {
+        [self.of(&lanes[0]), self.of(&lanes[1])]
+    }
+
+    #[inline(always)]
+    fn of3(&self, lanes: &'a [raster::Lane; 3]) -> [&'a [f32]; 3] {
+        [self.of(&lanes[0]), self.of(&lanes[1]), self.of(&lanes[2])]
+    }
 }
 
 impl Chunk {
@@ -65,6 +85,9 @@ impl Chunk {
             position: [zero; 3],
             frame: [[zero; 3]; 3],
             usable: zero,
+            inverse: zero,
+            uv: [zero; 2],
+            uv_change: [[zero; 2]; 2],
             view: [zero; 3],
             bend: [zero; 3],
             texel: [[0.0; 4]; CHUNK],
@@ -134,26 +157,40 @@ fn at_most(x: f32, high: f32) -> f32 {
     if x > high { high } else { x }
 }
 
-/// Frame, view and position of each fragment; `viewer` as [`View::viewer`](crate::raster::View) gives it. The rules are those
-/// of [`Frame::new`](crate::math::Frame::new).
+/// Frame, view, position and texture coordinate of each fragment. The rules are those of [`Frame::new`](crate::math::Frame::new).
 #[simd]
-pub(super) fn frames<S: Simd>(
-    _: S,
-    chunk: &mut Chunk,
-    given: Given<'_>,
-    (viewer, w): ([f32; 3], f32),
-) {
-    let n = given.position.len().min(CHUNK);
-    let (facing, position) = (&given.facing[..n], &given.position[..n]);
-    let (normal, tangent) = (&given.normal[..n], &given.tangent[..n]);
+pub(super) fn frames<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>) {
+    let n = given.count.min(CHUNK);
+    let (lanes, rays) = (given.lanes, given.rays);
+    let (column, row, q) = (
+        given.of(&lanes.column),
+        given.of(&lanes.row),
+        given.of(&lanes.q),
+    );
+    let (facing, hand) = (given.of(&lanes.facing), given.of(&lanes.hand));
+    let (normal, tangent, uv) = (
+        given.of3(&lanes.normal),
+        given.of3(&lanes.tangent),
+        given.of2(&lanes.uv),
+    );
+    let (right, up, back) = (
+        rays.right.to_array(),
+        rays.up.to_array(),
+        rays.back.to_array(),
+    );
+    let eye = rays.eye.to_array();
+    // One of each pair is 0, so that one loop serves both kinds of view.
+    let (near, flat) = if rays.perspective {
+        (1.0, 0.0)
+    } else {
+        (0.0, 1.0)
+    };
     for i in 0..n {
-        let ([px, py, pz, hand], [nx, ny, nz, _], [tx, ty, tz, _]) =
-            (position[i], normal[i], tangent[i]);
+        let (nx, ny, nz) = (normal[0][i], normal[1][i], normal[2][i]);
         let n = [nx, ny, nz];
         let n = scaled(n, 1.0 / dot(n, n).sqrt());
-        let given = [tx, ty, tz];
-        let along = dot(n, given);
-        let t = [tx - n[0] * along, ty - n[1] * along, tz - n[2] * along];
+        let given = [tangent[0][i], tangent[1][i], tangent[2][i]];
+        let t = beside(given, n);
         let (length, whole) = (dot(t, t).sqrt(), dot(given, given).sqrt());
         // A tangent closer to the normal than about 0.006 degrees has no digits left; NaN fails the test too.
         let usable = (length > 1e-4 * whole) & (length > 1e-18) & (length < 1e18);
@@ -166,12 +203,36 @@ pub(super) fn frames<S: Simd>(
             choose(usable, t[1], sign * n[0] * n[1] * a),
             choose(usable, t[2], -sign * n[0]),
         ];
-        let b = scaled(cross(n, t), choose(hand < 0.0, -1.0, 1.0));
+        let b = scaled(cross(n, t), hand[i]);
         let n = scaled(n, facing[i]);
-        let e = [viewer[0] - w * px, viewer[1] - w * py, viewer[2] - w * pz];
+        let inverse = near / q[i] + flat;
+        let distance = rays.unit * (near * inverse + flat * q[i]);
+        let (x, y) = (
+            (column[i] - rays.centre[0]) * rays.per_sample,
+            (rays.centre[1] - row[i]) * rays.per_sample,
+        );
+        let aside = [
+            right[0] * x + up[0] * y,
+            right[1] * x + up[1] * y,
+            right[2] * x + up[2] * y,
+        ];
+        let e = [
+            back[0] - near * aside[0],
+            back[1] - near * aside[1],
+            back[2] - near * aside[2],
+        ];
+        let reach = near * distance + flat;
+        let position = [
+            eye[0] + (aside[0] * reach - back[0] * distance),
+            eye[1] + (aside[1] * reach - back[1] * distance),
+            eye[2] + (aside[2] * reach - back[2] * distance),
+        ];
         let e = scaled(e, 1.0 / dot(e, e).sqrt());
         chunk.usable[i] = choose(usable, 1.0, 0.0);
-        put(&mut chunk.position, i, [px, py, pz]);
+        chunk.inverse[i] = inverse;
+        chunk.uv[0][i] = uv[0][i] * inverse;
+        chunk.uv[1][i] = uv[1][i] * inverse;
+        put(&mut chunk.position, i, position);
         put(&mut chunk.frame[0], i, t);
         put(&mut chunk.frame[1], i, b);
         put(&mut chunk.frame[2], i, n);
@@ -179,18 +240,33 @@ pub(super) fn frames<S: Simd>(
     }
 }
 
+/// The change of each fragment's texture coordinate.
+#[simd]
+pub(super) fn uv_changes<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>) {
+    for k in 0..2 {
+        let change = given.of2(&given.lanes.uv_change[k]);
+        let q = given.of(&given.lanes.q_change[k]);
+        for c in 0..2 {
+            let out = &mut chunk.uv_change[k][c];
+            for i in 0..given.count.min(CHUNK) {
+                out[i] = (change[c][i] - chunk.uv[c][i] * q[i]) * chunk.inverse[i];
+            }
+        }
+    }
+}
+
 /// The bend of each fragment, and its view raised to what a sample at the outline shows on the mean.
 #[simd]
 pub(super) fn bends<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>) {
-    let n = given.position.len().min(CHUNK);
-    let normal = &given.normal[..n];
-    let (dx, dy) = (&given.normal_dx[..n], &given.normal_dy[..n]);
-    for i in 0..n {
-        let [nx, ny, nz, _] = normal[i];
-        let inverse = 1.0 / dot([nx, ny, nz], [nx, ny, nz]).sqrt();
+    let normal = given.of3(&given.lanes.normal);
+    let [dx, dy] = given.lanes.normal_change.each_ref().map(|d| given.of3(d));
+    for i in 0..given.count.min(CHUNK) {
+        let at = |lanes: [&[f32]; 3]| [lanes[0][i], lanes[1][i], lanes[2][i]];
+        let normal = at(normal);
+        let inverse = 1.0 / dot(normal, normal).sqrt();
         let (t, b) = (get(&chunk.frame[0], i), get(&chunk.frame[1], i));
         let n = get(&chunk.frame[2], i);
-        let (dx, dy) = (bent(dx[i], inverse, n), bent(dy[i], inverse, n));
+        let (dx, dy) = (bent(at(dx), inverse, n), bent(at(dy), inverse, n));
         let (tx, ty, bx, by) = (dot(t, dx), dot(t, dy), dot(b, dx), dot(b, dy));
         let bend = [tx * tx + ty * ty, tx * bx + ty * by, bx * bx + by * by];
         let trace = (bend[0] + bend[2]) * (1.0 / 12.0);
@@ -207,8 +283,8 @@ pub(super) fn bends<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>) {
 
 /// The change of the unit normal `n` at right angles to it; one that is not finite bends nothing.
 #[inline(always)]
-fn bent([x, y, z, _]: [f32; 4], inverse: f32, n: [f32; 3]) -> [f32; 3] {
-    let d = beside(scaled([x, y, z], inverse), n);
+fn bent(change: [f32; 3], inverse: f32, n: [f32; 3]) -> [f32; 3] {
+    let d = beside(scaled(change, inverse), n);
     let finite = dot(d, d) < f32::INFINITY;
     [
         choose(finite, d[0], 0.0),
@@ -351,21 +427,17 @@ pub(super) fn gather<S: Simd>(
 }
 
 /// The map at each fragment's texture coordinate, and with `mips` over its footprint.
-pub(super) fn fetch(
-    pyramid: &Pyramid<'_>,
-    chunk: &mut Chunk,
-    given: Given<'_>,
-    v_change: Option<&[[f32; 2]]>,
-) {
-    let n = given.position.len();
-    let uv = |i: usize| Vec2::new(given.normal[i][3], given.tangent[i][3]);
-    pyramid.fetch_plain(uv, &mut chunk.texel[..n]);
-    let Some(v_change) = v_change else { return };
+pub(super) fn fetch(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize, mips: bool) {
+    let [u, v] = &chunk.uv;
+    pyramid.fetch_plain(&u[..n], &v[..n], &mut chunk.texel[..n]);
+    if !mips {
+        return;
+    }
+    let [dx, dy] = &chunk.uv_change;
     for i in 0..n {
-        let dx = Vec2::new(given.normal_dx[i][3], v_change[i][0]);
-        let dy = Vec2::new(given.normal_dy[i][3], v_change[i][1]);
+        let (dx, dy) = (Vec2::new(dx[0][i], dx[1][i]), Vec2::new(dy[0][i], dy[1][i]));
         if pyramid.is_minified(dx, dy) {
-            let t = pyramid.sample(uv(i), dx, dy);
+            let t = pyramid.sample(Vec2::new(u[i], v[i]), dx, dy);
             chunk.texel[i] = [t.alpha_x, t.alpha_y, t.axis.cos2, t.axis.sin2];
         }
     }

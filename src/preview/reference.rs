@@ -6,20 +6,23 @@
 //! pixel's side or more. Where an interpolated normal is bent away from the eye the sum in the [module's](super) docs gives
 //! nothing but ambient light, and so does this.
 
+use super::prepared::{bands, cull};
 use super::scene::{Light, Scene};
-use super::{Look, Picture, Subject, bands, sample_grid};
+use super::{Look, Picture, Subject, sample_grid};
 use crate::brdf::shade_f64;
 use crate::error::{Error, Result};
 use crate::filter::Pyramid;
 use crate::map::{AnisoMap, Size};
 use crate::progress::Progress;
-use crate::raster::{Cull, Exact, GBuffer, TILE, View};
+use crate::raster::{self, Exact, GBuffer, Geometry, TILE, View};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_1_PI;
 
 /// Samples along a pixel's side where the caller has no reason for another number: 64 a pixel.
 pub const REFERENCE_SAMPLES: u32 = 8;
+/// Samples that are drawn at a time, five bytes each.
+const BAND_SAMPLES: u64 = 1 << 23;
 
 /// Draws one picture of `size` pixels per look with `samples` x `samples` samples a pixel, in place of the scene's own number
 /// and quality.
@@ -43,30 +46,20 @@ pub fn render_reference(
     }
     let grid = sample_grid(size, samples)?;
     let view = View::new(&scene.camera, grid)?;
-    let cull = if scene.quality.back_faces {
-        Cull::None
-    } else {
-        Cull::Back
-    };
+    let geometry = Geometry::new(subject.mesh)?;
     let lamps = Lamps::new(subject, scene, &view);
     let fetches: Vec<Fetch<'_>> = looks.iter().map(|l| Fetch::new(l, subject.map)).collect();
     let mut pictures = vec![Picture::new(size, [0.0; 3]); looks.len()];
-    let bands: Vec<_> = bands(grid).collect();
+    let bands: Vec<_> = bands(grid, BAND_SAMPLES).collect();
     progress.expect(bands.len() as u64);
     for band in bands {
-        let buffer = GBuffer::draw(subject.mesh, &view, band, cull, progress)?;
+        let buffer = GBuffer::draw(&geometry, &view, band, cull(scene), progress)?;
         let tiles: Vec<Tile> = (0..buffer.tiles().len())
             .into_par_iter()
             .map(|tile| {
                 progress.check()?;
-                Ok(Tile::new(
-                    &buffer,
-                    tile,
-                    samples,
-                    subject,
-                    (looks, &fetches),
-                    &lamps,
-                ))
+                let seen = (&buffer.tiles()[tile], &geometry, &view);
+                Ok(Tile::new(seen, samples, (looks, &fetches), &lamps))
             })
             .collect::<Result<_>>()?;
         for tile in &tiles {
@@ -156,7 +149,12 @@ struct Lamp {
 
 impl Lamps {
     fn new(subject: Subject<'_>, scene: &Scene, view: &View) -> Self {
-        let (viewer, viewer_w) = view.viewer();
+        let rays = view.rays();
+        let (viewer, viewer_w) = if rays.perspective {
+            (rays.eye, 1.0)
+        } else {
+            (rays.back, 0.0)
+        };
         let colour = |c: [f32; 3]| Vec3::from(c).as_dvec3();
         let material = subject.material;
         let lamps = scene.lights.iter().map(|light| {
@@ -176,7 +174,7 @@ impl Lamps {
         });
         Self {
             viewer: viewer.as_dvec3(),
-            viewer_w: f64::from(viewer_w),
+            viewer_w,
             lamps: lamps.collect(),
             ambient: colour(material.ambient) * colour(scene.ambient),
         }
@@ -227,26 +225,22 @@ struct Tile {
 
 impl Tile {
     fn new(
-        buffer: &GBuffer,
-        tile: usize,
+        (seen, geometry, view): (&raster::Tile, &Geometry<'_>, &View),
         samples: u32,
-        subject: Subject<'_>,
         (looks, fetches): (&[Look], &[Fetch<'_>]),
         lamps: &Lamps,
     ) -> Self {
-        let rect = buffer.tiles()[tile].rect;
+        let rect = seen.rect;
         let pixels = |n: u32| (n / samples) as usize;
         let (x, y, width) = (pixels(rect.x), pixels(rect.y), pixels(rect.width));
         let all = width * pixels(rect.height);
         let mut counts = vec![0; all];
         let mut sums = vec![vec![DVec3::ZERO; all]; looks.len()];
-        if !buffer.tiles()[tile].is_empty() {
-            for sample in buffer.exact(subject.mesh, tile) {
-                let i = (pixels(sample.row) - y) * width + pixels(sample.column) - x;
-                counts[i] += 1;
-                for ((look, fetch), sums) in looks.iter().zip(fetches).zip(&mut sums) {
-                    sums[i] += lamps.light(&sample, look, fetch);
-                }
+        for sample in seen.exact(geometry, view) {
+            let i = (pixels(sample.row) - y) * width + pixels(sample.column) - x;
+            counts[i] += 1;
+            for ((look, fetch), sums) in looks.iter().zip(fetches).zip(&mut sums) {
+                sums[i] += lamps.light(&sample, look, fetch);
             }
         }
         Self {

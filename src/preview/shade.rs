@@ -13,29 +13,24 @@
 use super::Material;
 use super::look::Look;
 use super::packed::{self, CHUNK, Chunk, Given};
-use super::picture::Picture;
 use super::scene::{Light, Scene};
 use super::timings::{Stage, Timings};
 use crate::brdf::Model;
 use crate::brdf::kernel::{self, Batch};
-use crate::error::Result;
 use crate::filter::Pyramid;
 use crate::map::Rect;
 use crate::math;
-use crate::mesh::Mesh;
-use crate::progress::Progress;
-use crate::raster::{Fragments, GBuffer, TILE, View};
+use crate::raster::{Depths, Fragments, Span, Tile};
 use fearless_simd::dispatch;
 use glam::Vec3;
-use rayon::prelude::*;
 
-/// Lights the fragments of a [`GBuffer`] with one look.
-pub struct Shader<'a> {
-    mesh: &'a Mesh,
+/// Lights the fragments of tiles with one look.
+pub(super) struct Shader<'a> {
     pyramid: &'a Pyramid<'a>,
     material: &'a Material,
     scene: &'a Scene,
-    view: View,
+    /// Pixels of the picture, from top to bottom.
+    height: u32,
     model: Model,
     /// The one texel along the mesh's tangent, when the map itself is not read.
     mean: Option<[f32; 4]>,
@@ -43,31 +38,37 @@ pub struct Shader<'a> {
 }
 
 /// What one thread works in.
-struct Desk {
-    fragments: Fragments,
+pub(super) struct Desk {
+    pub(super) depths: Depths,
+    pub(super) tile: Tile,
+    pub(super) fragments: Fragments,
     chunk: Box<Chunk>,
     /// Light and number of samples of each pixel of a tile, when a pixel has several.
     sums: Vec<([f32; 3], u32)>,
 }
 
 impl Desk {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
-            fragments: Fragments::default(),
+            depths: Depths::new(),
+            tile: Tile::default(),
+            fragments: Fragments::new(),
             chunk: Box::new(Chunk::new()),
             sums: Vec::new(),
         }
     }
 }
 
+/// The pixels of a tile, row by row.
+pub(super) type Lines<'a> = Vec<&'a mut [[f32; 3]]>;
+
 impl<'a> Shader<'a> {
-    /// `view` is the one that the buffer will have been drawn with.
-    pub fn new(
-        mesh: &'a Mesh,
+    /// For a picture of `height` pixels from top to bottom.
+    pub(super) fn new(
         pyramid: &'a Pyramid<'a>,
         material: &'a Material,
         scene: &'a Scene,
-        view: View,
+        height: u32,
         look: Look,
     ) -> Self {
         let mean = look.mean.then(|| {
@@ -75,53 +76,64 @@ impl<'a> Shader<'a> {
             [(2.0 * mean.uu).sqrt(), (2.0 * mean.vv).sqrt(), 1.0, 0.0]
         });
         Self {
-            mesh,
             pyramid,
             material,
             scene,
-            view,
+            height,
             model: look.model,
             mean,
             gain: math::exp2(scene.exposure),
         }
     }
 
-    /// Lights the buffer's window and writes it into the picture, whose size times `scene.samples` is that of the view.
-    /// One check per tile; no steps are counted.
-    ///
-    /// # Errors
-    /// When `progress` cancels.
-    ///
-    /// # Panics
-    /// When the window does not begin at whole pixels or reaches outside the picture, or the buffer is of another mesh.
-    pub fn shade(
+    /// Lights a tile of `samples`, which the desk's fragments are of, into its lines of the picture.
+    pub(super) fn tile(
         &self,
-        buffer: &GBuffer,
-        picture: &mut Picture,
+        samples: Rect,
+        desk: &mut Desk,
+        lines: &mut Lines<'_>,
         timings: &Timings,
-        progress: &Progress<'_>,
-    ) -> Result<()> {
-        let window = self.pixels(buffer.window());
-        let across = buffer.window().width.div_ceil(TILE) as usize;
-        let width = picture.width() as usize;
-        let tile_height = (TILE / self.scene.samples) as usize;
-        let first = window.y as usize * width;
-        let rows = &mut picture.pixels_mut()[first..][..window.height as usize * width];
-        // A row of tiles at a time is split into its tiles, which then are lit side by side.
-        rows.par_chunks_mut(tile_height * width)
-            .enumerate()
-            .try_for_each(|(j, rows)| {
-                let window = window.x as usize..(window.x + window.width) as usize;
-                let tiles = split(rows, width, window, tile_height);
-                tiles.into_par_iter().enumerate().try_for_each_init(
-                    Desk::new,
-                    |desk, (i, mut lines)| {
-                        progress.check()?;
-                        self.tile(buffer, j * across + i, desk, &mut lines, timings);
-                        Ok(())
-                    },
-                )
-            })
+    ) {
+        let rect = self.pixels(samples);
+        let Desk {
+            fragments,
+            chunk,
+            sums,
+            ..
+        } = desk;
+        if fragments.len() < samples.texels() {
+            timings.time(Stage::Gather, || self.fill_background(rect, lines));
+        }
+        if fragments.is_empty() {
+            return;
+        }
+        let several = self.scene.samples > 1;
+        if several {
+            sums.clear();
+            sums.resize(rect.texels(), ([0.0; 3], 0));
+        }
+        let mut spans = Spans::new(fragments.spans());
+        for start in (0..fragments.len()).step_by(CHUNK) {
+            let given = Given {
+                lanes: fragments.lanes(),
+                rays: fragments.rays(),
+                start,
+                count: CHUNK.min(fragments.len() - start),
+            };
+            self.light(given, chunk, timings);
+            timings.time(Stage::Gather, || {
+                spans.next(given.count, |span, first| {
+                    if several {
+                        self.add(span, first, rect.width, chunk, sums);
+                    } else {
+                        self.write(span, first, chunk, lines);
+                    }
+                });
+            });
+        }
+        if several {
+            timings.time(Stage::Gather, || self.average(rect, sums, lines));
+        }
     }
 
     /// The pixels of a rectangle of samples.
@@ -141,61 +153,14 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Lights one tile into its lines of the picture.
-    fn tile(
-        &self,
-        buffer: &GBuffer,
-        tile: usize,
-        desk: &mut Desk,
-        lines: &mut [&mut [[f32; 3]]],
-        timings: &Timings,
-    ) {
-        let samples = buffer.tiles()[tile].rect;
-        let rect = self.pixels(samples);
-        if buffer.tiles()[tile].is_empty() {
-            timings.time(Stage::Gather, || self.fill_background(rect, lines));
-            return;
-        }
-        let Desk {
-            fragments,
-            chunk,
-            sums,
-        } = desk;
-        let changes = self.scene.quality.needs_changes();
-        timings.time(Stage::Resolve, || {
-            buffer.resolve(self.mesh, tile, changes, fragments);
-        });
-        if fragments.len() < samples.texels() {
-            timings.time(Stage::Gather, || self.fill_background(rect, lines));
-        }
-        if self.scene.samples > 1 {
-            sums.clear();
-            sums.resize(rect.texels(), ([0.0; 3], 0));
-        }
-        for start in (0..fragments.len()).step_by(CHUNK) {
-            let end = (start + CHUNK).min(fragments.len());
-            self.light(fragments, start..end, chunk, timings);
-            timings.time(Stage::Gather, || {
-                let places = &fragments.place[start..end];
-                if self.scene.samples == 1 {
-                    self.write(places, samples.width, chunk, lines);
-                } else {
-                    self.add(places, samples.width, chunk, sums);
-                }
-            });
-        }
-        if self.scene.samples > 1 {
-            timings.time(Stage::Gather, || self.average(rect, sums, lines));
-        }
-    }
-
     /// What is seen behind pixels of row `y`.
     fn behind(&self, y: u32) -> Vec3 {
-        let height = (self.view.size().height() / self.scene.samples) as f32;
-        self.scene.background.at((y as f32 + 0.5) / height)
+        self.scene
+            .background
+            .at((y as f32 + 0.5) / self.height as f32)
     }
 
-    fn fill_background(&self, rect: Rect, lines: &mut [&mut [[f32; 3]]]) {
+    fn fill_background(&self, rect: Rect, lines: &mut Lines<'_>) {
         for (y, line) in (rect.y..).zip(lines) {
             // Sixteen pixels at a time are whole vectors of any width.
             let sixteen = [self.behind(y).to_array(); 16];
@@ -205,35 +170,37 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// One sample a pixel: its light is the pixel.
-    fn write(&self, places: &[u16], width: u32, chunk: &Chunk, lines: &mut [&mut [[f32; 3]]]) {
-        let width = width as usize;
-        let (mut y, mut start) = (0, 0);
-        for (i, &place) in places.iter().enumerate() {
-            // In row order, so that no division is needed.
-            while place as usize >= start + width {
-                y += 1;
-                start += width;
-            }
-            lines[y][place as usize - start] = chunk.radiance.each_ref().map(|c| c[i] * self.gain);
+    /// One sample a pixel: its light is the pixel. The span's first fragment is number `first` of the chunk.
+    fn write(&self, span: Span, first: usize, chunk: &Chunk, lines: &mut Lines<'_>) {
+        let n = usize::from(span.count);
+        let line = &mut lines[usize::from(span.row)][usize::from(span.column)..][..n];
+        let [r, g, b] = chunk.radiance.each_ref().map(|c| &c[first..][..n]);
+        for i in 0..n {
+            line[i] = [r[i] * self.gain, g[i] * self.gain, b[i] * self.gain];
         }
     }
 
     /// Several samples a pixel: their light is added up.
-    fn add(&self, places: &[u16], width: u32, chunk: &Chunk, sums: &mut [([f32; 3], u32)]) {
+    fn add(
+        &self,
+        span: Span,
+        first: usize,
+        width: u32,
+        chunk: &Chunk,
+        sums: &mut [([f32; 3], u32)],
+    ) {
         let samples = self.scene.samples;
-        for (i, &place) in places.iter().enumerate() {
-            let (x, y) = (u32::from(place) % width, u32::from(place) / width);
-            let pixel = y / samples * (width / samples) + x / samples;
-            let (light, count) = &mut sums[pixel as usize];
+        let row = u32::from(span.row) / samples * width;
+        for (i, column) in (0..usize::from(span.count)).zip(u32::from(span.column)..) {
+            let (light, count) = &mut sums[(row + column / samples) as usize];
             for c in 0..3 {
-                light[c] += chunk.radiance[c][i];
+                light[c] += chunk.radiance[c][first + i];
             }
             *count += 1;
         }
     }
 
-    fn average(&self, rect: Rect, sums: &[([f32; 3], u32)], lines: &mut [&mut [[f32; 3]]]) {
+    fn average(&self, rect: Rect, sums: &[([f32; 3], u32)], lines: &mut Lines<'_>) {
         let all = (self.scene.samples * self.scene.samples) as f32;
         let rows = sums.chunks(rect.width as usize).zip(lines);
         for (y, (sums, line)) in (rect.y..).zip(rows) {
@@ -248,37 +215,12 @@ impl<'a> Shader<'a> {
     }
 
     /// Radiance toward the eye of some fragments, before exposure.
-    fn light(
-        &self,
-        fragments: &Fragments,
-        range: std::ops::Range<usize>,
-        chunk: &mut Chunk,
-        timings: &Timings,
-    ) {
+    fn light(&self, given: Given<'_>, chunk: &mut Chunk, timings: &Timings) {
         let level = math::level();
         let quality = self.scene.quality;
-        let n = range.len();
-        let changed = !fragments.normal_dx.is_empty();
-        let given = Given {
-            facing: &fragments.facing[range.clone()],
-            position: &fragments.position[range.clone()],
-            normal: &fragments.normal[range.clone()],
-            tangent: &fragments.tangent[range.clone()],
-            normal_dx: if changed {
-                &fragments.normal_dx[range.clone()]
-            } else {
-                &[]
-            },
-            normal_dy: if changed {
-                &fragments.normal_dy[range.clone()]
-            } else {
-                &[]
-            },
-        };
+        let n = given.count;
         timings.time(Stage::Frame, || {
-            let (viewer, w) = self.view.viewer();
-            let viewer = (viewer.to_array(), w);
-            dispatch!(level, simd => packed::frames(simd, chunk, given, viewer));
+            dispatch!(level, simd => packed::frames(simd, chunk, given));
             if quality.widening {
                 dispatch!(level, simd => packed::bends(simd, chunk, given));
             }
@@ -287,8 +229,10 @@ impl<'a> Shader<'a> {
             match self.mean {
                 Some(texel) => chunk.texel[..n].fill(texel),
                 None => {
-                    let v_change = quality.mips.then(|| &fragments.v_change[range.clone()]);
-                    packed::fetch(self.pyramid, chunk, given, v_change);
+                    if quality.mips {
+                        dispatch!(level, simd => packed::uv_changes(simd, chunk, given));
+                    }
+                    packed::fetch(self.pyramid, chunk, n, quality.mips);
                 }
             }
             dispatch!(level, simd => packed::lobes(simd, chunk, n, quality.widening));
@@ -337,15 +281,62 @@ impl<'a> Shader<'a> {
     }
 }
 
+/// The spans of a tile's fragments, cut where chunks end.
+struct Spans<'a> {
+    rest: &'a [Span],
+    /// What is left of the span that a chunk's end has cut.
+    cut: Option<Span>,
+}
+
+impl<'a> Spans<'a> {
+    fn new(spans: &'a [Span]) -> Self {
+        Self {
+            rest: spans,
+            cut: None,
+        }
+    }
+
+    /// Gives the spans of the next `count` fragments to `use_span`, each with its place among those.
+    fn next(&mut self, count: usize, mut use_span: impl FnMut(Span, usize)) {
+        let mut first = 0;
+        while first < count {
+            let span = match self.cut.take() {
+                Some(span) => span,
+                None => {
+                    let (span, rest) = self.rest.split_first().expect("a span for each fragment");
+                    self.rest = rest;
+                    *span
+                }
+            };
+            let fits = usize::from(span.count).min(count - first) as u16;
+            if fits < span.count {
+                self.cut = Some(Span {
+                    column: span.column + fits,
+                    count: span.count - fits,
+                    ..span
+                });
+            }
+            use_span(
+                Span {
+                    count: fits,
+                    ..span
+                },
+                first,
+            );
+            first += usize::from(fits);
+        }
+    }
+}
+
 /// Splits whole rows of pixels into the lines of their tiles.
-fn split(
+pub(super) fn split(
     rows: &mut [[f32; 3]],
     width: usize,
     window: std::ops::Range<usize>,
     side: usize,
-) -> Vec<Vec<&mut [[f32; 3]]>> {
+) -> Vec<Lines<'_>> {
     let tiles = window.len().div_ceil(side);
-    let mut lines: Vec<Vec<_>> = (0..tiles).map(|_| Vec::with_capacity(side)).collect();
+    let mut lines: Vec<Lines<'_>> = (0..tiles).map(|_| Vec::with_capacity(side)).collect();
     for row in rows.chunks_mut(width) {
         for (tile, line) in lines.iter_mut().zip(row[window.clone()].chunks_mut(side)) {
             tile.push(line);

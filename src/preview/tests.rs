@@ -1,8 +1,9 @@
+use super::prepared::{BAND_SAMPLES, bands};
 use super::*;
 use crate::brdf::Model;
-use crate::map::{Texel, Wrap};
+use crate::map::{Rect, Texel, Wrap};
 use crate::math::Axis;
-use crate::raster::{Camera, Projection};
+use crate::raster::{Camera, Projection, TILE};
 use glam::Vec3;
 
 const WARD: Look = Look {
@@ -376,7 +377,7 @@ fn bands_cover_the_samples_and_begin_at_whole_pixels() {
         size(32_768, 8192),
     ] {
         let mut next = 0;
-        for band in bands(s) {
+        for band in bands(s, BAND_SAMPLES) {
             assert_eq!((band.x, band.width, band.y), (0, s.width(), next));
             assert_eq!(band.y % TILE, 0);
             assert!(band.texels() as u64 <= BAND_SAMPLES.max(u64::from(s.width() * TILE)));
@@ -406,7 +407,7 @@ fn progress_counts_to_its_end_and_cancelling_stops() {
         render_sheet(subject, &scene, &[WARD, WARD], size(64, 48), progress)
     };
     run(&Progress::new(&listen)).unwrap();
-    assert_eq!(*last.lock().unwrap(), (3, 3));
+    assert_eq!(*last.lock().unwrap(), (4, 4));
     let stop = |_: u64, _: u64| false;
     assert!(matches!(run(&Progress::new(&stop)), Err(Error::Cancelled)));
 }
@@ -501,4 +502,146 @@ fn the_reference_says_which_numbers_of_samples_fit_its_tiles() {
         let error = render_reference(subject, &scene, &[WARD], size(8, 8), samples, &none);
         assert!(error.unwrap_err().to_string().contains("1, 2, 3, 4, 6, 8"));
     }
+}
+
+/// A torus with a map, looked at again and again.
+struct Studio {
+    mesh: Mesh,
+    scene: Scene,
+    material: Material,
+}
+
+impl Studio {
+    fn new() -> Self {
+        let mesh = crate::mesh::torus();
+        let scene = Scene::for_mesh(&mesh);
+        let material = Material {
+            diffuse: [0.1, 0.2, 0.3],
+            ..SHINY
+        };
+        Self {
+            mesh,
+            scene,
+            material,
+        }
+    }
+
+    /// Draws the frame and holds it against a picture drawn anew.
+    fn check(&self, frame: &mut Frame, prepared: &Prepared<'_>, look: Look) -> Redrawn {
+        let (off, none) = (Timings::off(), Progress::none());
+        let done = frame
+            .draw(prepared, &self.scene, look, &off, &none)
+            .unwrap();
+        let map = prepared.map().clone();
+        let subject = Subject {
+            mesh: &self.mesh,
+            map: &map,
+            material: prepared.material(),
+        };
+        let anew = render(subject, &self.scene, &[look], size(120, 90), &none).unwrap();
+        assert!(frame.picture() == &anew[0], "{done:?}");
+        done
+    }
+}
+
+fn paint(prepared: &mut Prepared<'_>, rect: Rect) {
+    prepared.change_map(rect, |map| {
+        let mut region = map.region(rect);
+        for i in 0..rect.texels() {
+            let texel = Texel {
+                alpha_x: 0.6,
+                alpha_y: 0.05,
+                axis: Axis::from_degrees(i as f32),
+            };
+            region.view_mut().set(i, texel);
+        }
+        map.write_region(&region);
+    });
+}
+
+#[test]
+fn a_frame_does_no_more_than_what_changed_and_is_always_the_whole_picture() {
+    let mut studio = Studio::new();
+    let map = AnisoMap::constant(
+        size(512, 512),
+        Wrap::Repeat,
+        constant(0.1, 0.4, 20.0).texel_at(0),
+    );
+    let off = Timings::off();
+    let mut prepared = Prepared::new(&studio.mesh, map, studio.material, &off).unwrap();
+    let mesh = studio.mesh.clone();
+    let mut frame = Frame::new(size(120, 90));
+    assert_eq!(
+        studio.check(&mut frame, &prepared, WARD),
+        Redrawn::Everything
+    );
+    assert_eq!(studio.check(&mut frame, &prepared, WARD), Redrawn::Nothing);
+    // Light, exposure, look and colours.
+    studio.scene.set_directions(&[Vec3::new(0.3, 0.5, 1.0)]);
+    assert_eq!(studio.check(&mut frame, &prepared, WARD), Redrawn::Light);
+    studio.scene.exposure = 0.5;
+    assert_eq!(studio.check(&mut frame, &prepared, WARD), Redrawn::Light);
+    let bounded = Look {
+        model: Model::WardBounded,
+        mean: false,
+    };
+    assert_eq!(studio.check(&mut frame, &prepared, bounded), Redrawn::Light);
+    prepared.set_material(SHINY).unwrap();
+    assert_eq!(studio.check(&mut frame, &prepared, WARD), Redrawn::Light);
+    // A dab here, two dabs there, one across the corner of the map, one of a texel.
+    let dab = |x, y, width, height| Rect {
+        x,
+        y,
+        width,
+        height,
+    };
+    let mut fewest = usize::MAX;
+    for rects in [
+        vec![dab(250, 380, 24, 24)],
+        vec![dab(10, 10, 40, 8), dab(300, 200, 16, 16)],
+        vec![dab(0, 0, 512, 2)],
+        vec![dab(511, 511, 1, 1), dab(0, 511, 1, 1)],
+        (0..64).map(|i| dab(8 * i, 250, 4, 4)).collect(),
+    ] {
+        for rect in rects {
+            paint(&mut prepared, rect);
+        }
+        match studio.check(&mut frame, &prepared, WARD) {
+            Redrawn::Tiles(n) => fewest = fewest.min(n),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert!((1..8).contains(&fewest), "{fewest} of 20 tiles");
+    // More than is remembered.
+    for i in 0..65 {
+        paint(&mut prepared, dab(i, i, 1, 1));
+    }
+    assert_eq!(studio.check(&mut frame, &prepared, WARD), Redrawn::Light);
+    // The mean of the map is everywhere.
+    let mean = Look { mean: true, ..WARD };
+    assert_eq!(studio.check(&mut frame, &prepared, mean), Redrawn::Light);
+    paint(&mut prepared, dab(7, 7, 9, 9));
+    assert_eq!(studio.check(&mut frame, &prepared, mean), Redrawn::Light);
+    // The camera, in a hurry and at rest; samples; other geometry.
+    studio.scene.camera.eye += Vec3::new(0.5, 0.2, 0.0);
+    frame
+        .draft(&prepared, &studio.scene, WARD, &off, &Progress::none())
+        .unwrap();
+    assert_eq!(
+        studio.check(&mut frame, &prepared, WARD),
+        Redrawn::Everything
+    );
+    studio.scene.samples = 1;
+    assert_eq!(
+        studio.check(&mut frame, &prepared, WARD),
+        Redrawn::Everything
+    );
+    let other = Prepared::new(&mesh, prepared.map().clone(), SHINY, &off).unwrap();
+    assert_eq!(studio.check(&mut frame, &other, WARD), Redrawn::Everything);
+    // Cancelled halfway, the next call draws what is missing.
+    studio.scene.exposure = -1.0;
+    let stop = |done: u64, _: u64| done < 3;
+    let cancelled = frame.draw(&other, &studio.scene, WARD, &off, &Progress::new(&stop));
+    assert!(matches!(cancelled, Err(Error::Cancelled)));
+    assert_eq!(studio.check(&mut frame, &other, WARD), Redrawn::Light);
 }

@@ -8,7 +8,11 @@ use std::time::Instant;
 pub enum Stage {
     /// Map to mip levels and texels side by side; once for all pictures of a map.
     Prepare,
-    /// Vertices projected, triangles set up and sorted into tiles, and which one each sample sees.
+    /// Vertices projected.
+    Vertex,
+    /// Triangles set up and sorted into tiles.
+    Bin,
+    /// Which triangle each sample sees.
     Raster,
     /// Attributes of what is seen.
     Resolve,
@@ -20,36 +24,45 @@ pub enum Stage {
     Shade,
     /// Fragments gathered into pixels.
     Gather,
+    /// Linear light to eight bits.
+    Tone,
 }
 
 impl Stage {
     /// Every stage.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 10] = [
         Self::Prepare,
+        Self::Vertex,
+        Self::Bin,
         Self::Raster,
         Self::Resolve,
         Self::Frame,
         Self::Fetch,
         Self::Shade,
         Self::Gather,
+        Self::Tone,
     ];
 
     /// Its name in one word.
     pub fn name(self) -> &'static str {
         match self {
             Self::Prepare => "prepare",
+            Self::Vertex => "vertex",
+            Self::Bin => "bin",
             Self::Raster => "raster",
             Self::Resolve => "resolve",
             Self::Frame => "frame",
             Self::Fetch => "fetch",
             Self::Shade => "shade",
             Self::Gather => "gather",
+            Self::Tone => "tone",
         }
     }
 }
 
 /// Time spent in each [`Stage`], added up over the threads that worked: with two cores a stage may show twice the time that
-/// passed. `Prepare` and `Raster` are spread over the cores inside and show the time that passed.
+/// passed. `Prepare`, `Vertex`, `Bin` and `Tone` are
+/// spread over the cores inside and show the time that passed.
 #[derive(Debug)]
 pub struct Timings {
     /// Nanoseconds by stage; `None` when nobody wants to know.

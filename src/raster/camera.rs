@@ -127,6 +127,8 @@ pub struct View {
     /// Samples per unit of x/w.
     scale: f64,
     near: f64,
+    /// Distance between eye and target.
+    unit: f64,
     perspective: bool,
 }
 
@@ -139,6 +141,7 @@ impl View {
         camera.check()?;
         let half = 0.5 * f64::from(size.width().min(size.height()));
         let eye = camera.eye.as_dvec3();
+        let unit = eye.distance(camera.target.as_dvec3());
         let (scale, perspective) = match camera.projection {
             Projection::Perspective { fov } => {
                 let (sin, cos) = math::sin_cos(0.5 * fov.to_radians());
@@ -151,7 +154,8 @@ impl View {
             eye,
             basis: camera.basis_f64(),
             scale,
-            near: NEAR * eye.distance(camera.target.as_dvec3()),
+            near: NEAR * unit,
+            unit,
             perspective,
         })
     }
@@ -178,15 +182,6 @@ impl View {
             (self.eye - point.as_dvec3()).as_vec3()
         } else {
             self.basis[2].as_vec3()
-        }
-    }
-
-    /// Where the viewer is as a point in homogeneous coordinates: a point minus w times a position points to the viewer.
-    pub(crate) fn viewer(&self) -> (Vec3, f32) {
-        if self.perspective {
-            (self.eye.as_vec3(), 1.0)
-        } else {
-            (self.basis[2].as_vec3(), 0.0)
         }
     }
 
@@ -236,13 +231,81 @@ impl View {
         })
     }
 
-    /// What depth is compared by: linear over the screen, larger is nearer.
-    pub(super) fn depth(&self, vertex: &Vertex) -> f64 {
+    /// What is linear over the screen and tells distance: for a perspective view 1/w, else the distance itself, in units of the
+    /// distance between eye and target. Positive before the eye.
+    #[inline(always)]
+    pub(super) fn slant(&self, vertex: &Vertex) -> f64 {
         if self.perspective {
-            1.0 / vertex.distance
+            self.unit / vertex.distance
         } else {
-            -vertex.distance
+            vertex.distance / self.unit
         }
+    }
+
+    /// [`View::slant`] at a distance, and what attributes are multiplied by there to be numerators.
+    pub(super) fn slant_at(&self, distance: f64) -> (f64, f64) {
+        if self.perspective {
+            (self.unit / distance, self.unit / distance)
+        } else {
+            (distance / self.unit, 1.0)
+        }
+    }
+
+    pub(super) fn is_perspective(&self) -> bool {
+        self.perspective
+    }
+
+    /// The sign that makes [`View::slant`] larger for what is nearer.
+    pub(super) fn nearer(&self) -> f64 {
+        if self.perspective { 1.0 } else { -1.0 }
+    }
+
+    /// How positions are found again from samples and slants.
+    pub fn rays(&self) -> Rays {
+        let [right, up, back] = self.basis.map(|v| v.as_vec3());
+        let (cx, cy) = self.centre();
+        Rays {
+            eye: self.eye.as_vec3(),
+            right,
+            up,
+            back,
+            centre: [(cx - 0.5) as f32, (cy - 0.5) as f32],
+            per_sample: (1.0 / self.scale) as f32,
+            unit: self.unit as f32,
+            perspective: self.perspective,
+        }
+    }
+}
+
+/// A view as fragments take it: with (x, y) a sample's offset from the middle, to the right and upward, times `per_sample`, a
+/// perspective view sees along right x + up y - back.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rays {
+    /// Where the eye is.
+    pub eye: Vec3,
+    /// To the right, of unit length; so are the next two.
+    pub right: Vec3,
+    /// Upward in the picture.
+    pub up: Vec3,
+    /// Toward the viewer.
+    pub back: Vec3,
+    /// Column and row of the middle of the picture: half a sample for even sizes.
+    pub centre: [f32; 2],
+    /// World units a sample at distance 1; for an orthographic view at any.
+    pub per_sample: f32,
+    /// Distance between eye and target.
+    pub unit: f32,
+    /// Whether things shrink with distance.
+    pub perspective: bool,
+}
+
+impl Rays {
+    /// The world position of a sample at a distance along the line of sight.
+    pub fn position(&self, column: f32, row: f32, distance: f32) -> Vec3 {
+        let aside = if self.perspective { distance } else { 1.0 } * self.per_sample;
+        let x = (column - self.centre[0]) * aside;
+        let y = (self.centre[1] - row) * aside;
+        self.eye + self.right * x + self.up * y - self.back * distance
     }
 }
 

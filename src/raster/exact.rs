@@ -1,6 +1,7 @@
 //! Attributes of what is seen in f64, sample by sample: slow, and what the fast way is measured against.
 
-use super::resolve::{Edges, Vertices, outward};
+use super::geometry::outward;
+use super::resolve::Edges;
 use super::visibility::NOTHING;
 use super::{Tile, View};
 use crate::mesh::Mesh;
@@ -30,7 +31,6 @@ pub struct Exact {
 /// Every sample of a tile that sees something, in row order.
 pub(super) fn samples<'a>(
     mesh: &'a Mesh,
-    vertices: &'a Vertices,
     view: &'a View,
     tile: &'a Tile,
 ) -> impl Iterator<Item = Exact> + 'a {
@@ -38,20 +38,12 @@ pub(super) fn samples<'a>(
     tile.rows().enumerate().flat_map(move |(y, line)| {
         let row = rect.y + y as u32;
         let seen = line.iter().enumerate().filter(|(_, t)| **t != NOTHING);
-        seen.map(move |(x, &triangle)| {
-            sample(mesh, vertices, view, triangle, (rect.x + x as u32, row))
-        })
+        seen.map(move |(x, &triangle)| sample(mesh, view, triangle, (rect.x + x as u32, row)))
     })
 }
 
-fn sample(
-    mesh: &Mesh,
-    vertices: &Vertices,
-    view: &View,
-    triangle: u32,
-    (column, row): (u32, u32),
-) -> Exact {
-    let edges = Edges::new(mesh, vertices, triangle);
+fn sample(mesh: &Mesh, view: &View, triangle: u32, (column, row): (u32, u32)) -> Exact {
+    let edges = Edges::new(mesh, view, triangle);
     let weights = edges
         .weights(f64::from(column) + 0.5, f64::from(row) + 0.5)
         .at;
@@ -60,7 +52,7 @@ fn sample(
     };
     let position = mix3(&|i| mesh.positions[i].as_dvec3());
     let toward = view.toward_any_length(position.as_vec3()).as_dvec3();
-    let outside = outward(edges.corners.map(|i| &vertices.rows[i]))
+    let outside = outward(mesh, mesh.triangles[triangle as usize])
         .normal
         .as_dvec3();
     let normal = mix3(&|i| mesh.normals[i].as_dvec3())

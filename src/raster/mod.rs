@@ -6,21 +6,26 @@
 //! out; attributes come from homogeneous edge functions (Olano and Greer 1997, "Triangle scan conversion using 2D
 //! homogeneous coordinates"), which need no clipping and give exact derivatives.
 //!
+//! The steps: [`Geometry`] once for a mesh; [`Corners`] and [`Bins`] once for a camera; then tile by tile
+//! [`Bins::draw`], whose [`Tile`] is resolved to [`Fragments`] at once, while it is in the cache, or whenever it is wanted.
+//!
 //! The same mesh, camera and size give the same bytes with any number of threads.
 
 mod camera;
 mod clip;
 mod exact;
+mod geometry;
 mod resolve;
 mod visibility;
 
-pub use camera::{Camera, Projection, View};
+pub use camera::{Camera, Projection, Rays, View};
 pub use exact::Exact;
-pub use resolve::Fragments;
+pub use geometry::Geometry;
+pub use resolve::{Fragments, Lane, Lanes, Span};
+pub use visibility::{Bins, Corners, Depths};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::map::Rect;
-use crate::mesh::Mesh;
 use crate::progress::Progress;
 use rayon::prelude::*;
 
@@ -37,17 +42,7 @@ pub enum Cull {
     Back,
 }
 
-/// What every sample of a window sees, tile by tile: a triangle or nothing, from which [`GBuffer::resolve`] works out the
-/// attributes. Four bytes a sample, so it can be kept from picture to picture.
-#[derive(Clone, Debug, PartialEq)]
-pub struct GBuffer {
-    view: View,
-    window: Rect,
-    vertices: resolve::Vertices,
-    tiles: Vec<Tile>,
-}
-
-/// One tile of a [`GBuffer`].
+/// One tile of a picture: what each of its samples sees.
 #[derive(Clone, Debug)]
 pub struct Tile {
     /// The samples it covers, in the whole picture's coordinates. Never larger than [`TILE`] x [`TILE`].
@@ -56,10 +51,45 @@ pub struct Tile {
     seen: Vec<u32>,
 }
 
+impl Default for Tile {
+    /// One of no samples.
+    fn default() -> Self {
+        Self {
+            rect: Rect {
+                x: 0,
+                y: 0,
+                width: 0,
+                height: 0,
+            },
+            seen: Vec::new(),
+        }
+    }
+}
+
 impl Tile {
+    /// The tiles of a window, row by row, which see nothing yet.
+    pub fn of(window: Rect) -> Vec<Self> {
+        let empty = |rect| Self {
+            rect,
+            seen: Vec::new(),
+        };
+        window.tiles(TILE).map(empty).collect()
+    }
+
+    /// Draws into the memory of another from now on.
+    pub fn take_memory(&mut self, other: Self) {
+        self.seen = other.seen;
+    }
+
     /// Whether no triangle comes near.
     pub fn is_empty(&self) -> bool {
         self.seen.is_empty()
+    }
+
+    /// How many samples see something.
+    pub fn covered(&self) -> usize {
+        let seen = |t: &&u32| **t != visibility::NOTHING;
+        self.rows().map(|row| row.iter().filter(seen).count()).sum()
     }
 
     fn rows(&self) -> impl Iterator<Item = &[u32]> {
@@ -67,6 +97,33 @@ impl Tile {
         self.seen
             .chunks(visibility::STRIDE)
             .map(move |row| &row[..width])
+    }
+
+    /// The attributes of what it sees, in place of what `out` held; with `changes` also how they change from sample to
+    /// sample.
+    ///
+    /// # Panics
+    /// When it was drawn with other geometry or corners.
+    pub fn resolve(
+        &self,
+        geometry: &Geometry<'_>,
+        corners: &Corners,
+        changes: bool,
+        out: &mut Fragments,
+    ) {
+        resolve::resolve(geometry, corners, self, changes, out);
+    }
+
+    /// Every sample that sees something, with its attributes in f64, in row order.
+    ///
+    /// # Panics
+    /// When it was drawn with other geometry or another view.
+    pub fn exact<'a>(
+        &'a self,
+        geometry: &'a Geometry<'a>,
+        view: &'a View,
+    ) -> impl Iterator<Item = Exact> + 'a {
+        exact::samples(geometry.mesh(), view, self)
     }
 }
 
@@ -77,42 +134,51 @@ impl PartialEq for Tile {
     }
 }
 
+/// What every sample of a window sees, tile by tile. Five bytes a sample, so it can be kept from picture to picture.
+#[derive(Clone, Debug)]
+pub struct GBuffer {
+    window: Rect,
+    corners: Corners,
+    tiles: Vec<Tile>,
+}
+
 impl GBuffer {
     /// Draws the samples of `window` of a picture of `view.size()` samples. Each sample comes out the same whatever the
     /// window.
     ///
     /// # Errors
-    /// When the mesh's arrays do not fit together, or `progress` cancels. One check per 131072 triangles; no steps are
-    /// counted.
+    /// When `progress` cancels. One check per tile; no steps are counted.
     ///
     /// # Panics
     /// When the window reaches outside the picture.
     pub fn draw(
-        mesh: &Mesh,
+        geometry: &Geometry<'_>,
         view: &View,
         window: Rect,
         cull: Cull,
         progress: &Progress<'_>,
     ) -> Result<Self> {
-        assert!(
-            window.intersection(view.size().rect()) == Some(window),
-            "a window inside the picture"
-        );
-        check(mesh)?;
-        let vertices = vertices(mesh, view);
-        let tiles = visibility::draw(mesh, &vertices.projected, view, window, cull, progress)?;
-        Ok(Self {
-            view: *view,
+        let corners = Corners::new(geometry, view);
+        let bins = Bins::new(geometry, &corners, window, cull);
+        let mut tiles = Tile::of(window);
+        tiles
+            .par_iter_mut()
+            .enumerate()
+            .try_for_each_init(Depths::new, |depths, (i, tile)| {
+                progress.check()?;
+                bins.draw(i, tile, depths);
+                Ok(())
+            })?;
+        Ok(Self::from_parts(window, corners, tiles))
+    }
+
+    /// From tiles that were drawn one by one.
+    pub fn from_parts(window: Rect, corners: Corners, tiles: Vec<Tile>) -> Self {
+        Self {
             window,
-            vertices,
-            tiles: tiles
-                .into_iter()
-                .map(|seen| Tile {
-                    rect: seen.rect,
-                    seen: seen.triangle,
-                })
-                .collect(),
-        })
+            corners,
+            tiles,
+        }
     }
 
     /// The samples that were drawn.
@@ -120,56 +186,19 @@ impl GBuffer {
         self.window
     }
 
+    /// What it was drawn with.
+    pub fn corners(&self) -> &Corners {
+        &self.corners
+    }
+
     /// The tiles, row by row.
     pub fn tiles(&self) -> &[Tile] {
         &self.tiles
     }
 
-    /// The attributes of what a tile sees, in place of what `out` held; with `changes` also how they change from sample to
-    /// sample.
-    ///
-    /// # Panics
-    /// When `mesh` is not the one that was drawn, or there are fewer tiles.
-    pub fn resolve(&self, mesh: &Mesh, tile: usize, changes: bool, out: &mut Fragments) {
-        let tile = &self.tiles[tile];
-        let seen = (tile.rect, &tile.seen[..]);
-        resolve::resolve(mesh, &self.vertices, &self.view, seen, changes, out);
-    }
-
-    /// Every sample of a tile that sees something, with its attributes in f64, in row order.
-    ///
-    /// # Panics
-    /// When `mesh` is not the one that was drawn, or there are fewer tiles.
-    pub fn exact<'a>(&'a self, mesh: &'a Mesh, tile: usize) -> impl Iterator<Item = Exact> + 'a {
-        exact::samples(mesh, &self.vertices, &self.view, &self.tiles[tile])
-    }
-}
-
-fn vertices(mesh: &Mesh, view: &View) -> resolve::Vertices {
-    let all = || (0..mesh.positions.len()).into_par_iter().with_min_len(2048);
-    let projected: Vec<_> = all().map(|i| view.project(mesh.positions[i])).collect();
-    resolve::Vertices {
-        seen: all().map(|i| resolve::Place::new(projected[i])).collect(),
-        rows: all().map(|i| resolve::Row::new(mesh, i)).collect(),
-        projected,
-    }
-}
-
-fn check(mesh: &Mesh) -> Result<()> {
-    let n = mesh.positions.len();
-    let others = [mesh.normals.len(), mesh.tangents.len(), mesh.uvs.len()];
-    if others.iter().any(|&m| m != n) {
-        let allowed = "allowed: as many normals, tangents and uvs as positions";
-        return Err(Error::invalid(format!("mesh `{}`", mesh.name), n, allowed));
-    }
-    let outside = |t: &&[u32; 3]| t.iter().any(|&i| i as usize >= n);
-    match mesh.triangles.iter().find(outside) {
-        Some(t) => Err(Error::invalid(
-            format!("a triangle of mesh `{}`", mesh.name),
-            format!("{t:?}"),
-            format!("allowed: vertex indices below {n}"),
-        )),
-        None => Ok(()),
+    /// The tiles again, whose memory the next picture may take.
+    pub fn into_tiles(self) -> Vec<Tile> {
+        self.tiles
     }
 }
 

@@ -1,233 +1,205 @@
 //! Attributes of what is seen, with their exact change from sample to sample.
 //!
-//! Over a triangle each attribute is N(x, y)/S(x, y), both linear over the samples. A [`Plane`] holds the numerators of a
-//! triangle's twelve numbers in one row, so a sample costs a few operations on whole rows; triangles that are thinner than
+//! Over a triangle each attribute is N(x, y)/q(x, y), both linear over the samples, with q = 1/w. A [`Plane`] holds the
+//! numerators of a triangle, and a run of samples that see it takes sixteen at a time of each number. Normals and tangents
+//! stay numerators, since only their direction counts; positions are left to be found from q. Triangles that are thinner than
 //! their rounding, or reach behind the eye, take the careful way in f64 instead.
 
-use super::camera::{Vertex, View};
-use super::visibility::{NOTHING, STRIDE};
-use crate::map::Rect;
+use super::camera::{Rays, View};
+use super::geometry::{Geometry, Row, outward};
+use super::visibility::{Corner, Corners, NOTHING, STRIDE};
+use super::{TILE, Tile};
 use crate::math;
 use crate::mesh::Mesh;
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
+use std::ops::Range;
 
-/// The fragments of a tile, packed: one entry per sample that sees something, in row order. Vectors are kept in fours with a
-/// number beside them, which is what vectorised shading reads fastest; the methods take them apart.
+/// Samples whose numbers are written at once.
+const WIDE: usize = 16;
+/// One number of every fragment of a tile; what lies behind the last is rubbish.
+pub type Lane = [f32; (TILE * TILE) as usize + WIDE];
+
+/// The numbers of fragments, each in an array of its own.
 ///
-/// Changes are per sample to the right (`dx`) and downward (`dy`).
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Fragments {
-    /// Place in the tile: row * tile width + column.
-    pub place: Vec<u16>,
+/// Changes are those of the numerators, per sample to the right (`dx`) and downward (`dy`): with u = U/q, du = (dU - u dq)/q.
+pub struct Lanes {
+    /// Column and row in the whole picture, in samples.
+    pub column: Lane,
+    /// Row 0 is the top.
+    pub row: Lane,
     /// 1, or -1 where the surface is seen from the side its normals point away from.
-    pub facing: Vec<f32>,
-    /// World position; the layout's handedness.
-    pub position: Vec<[f32; 4]>,
-    /// Interpolated normal out of the side that the mesh calls outside, not normalised but of some length; u.
-    pub normal: Vec<[f32; 4]>,
-    /// Interpolated tangent, neither normalised nor orthogonal to the normal; v (up).
-    pub tangent: Vec<[f32; 4]>,
-    /// Change of `normal`; of u. Empty where changes were not asked for, and so are the next two.
-    pub normal_dx: Vec<[f32; 4]>,
-    /// Change of `normal`; of u.
-    pub normal_dy: Vec<[f32; 4]>,
-    /// Change of v to the right, downward.
-    pub v_change: Vec<[f32; 2]>,
+    pub facing: Lane,
+    /// The layout's handedness: 1, or -1 where it is mirrored.
+    pub hand: Lane,
+    /// Eye-to-target distances per distance, or for an orthographic view the other way round.
+    pub q: Lane,
+    /// Normal out of the side that the mesh calls outside, of some length.
+    pub normal: [Lane; 3],
+    /// Tangent, neither normalised nor orthogonal to the normal.
+    pub tangent: [Lane; 3],
+    /// Texture coordinate, v up, times `q` (an orthographic view: times 1).
+    pub uv: [Lane; 2],
+    /// Change of `normal` to the right and downward. Set where changes were asked for, and so are the next two.
+    pub normal_change: [[Lane; 3]; 2],
+    /// Change of `uv`.
+    pub uv_change: [[Lane; 2]; 2],
+    /// Change of `q` (an orthographic view: 0).
+    pub q_change: [Lane; 2],
+}
+
+/// Neighbours in a row that all see something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Span {
+    /// The first's column in its tile.
+    pub column: u16,
+    /// Row in the tile.
+    pub row: u16,
+    /// How many.
+    pub count: u16,
+}
+
+/// The fragments of a tile: one for each sample that sees something, in row order.
+pub struct Fragments {
+    count: usize,
+    spans: Vec<Span>,
+    rays: Rays,
+    lanes: Box<Lanes>,
+}
+
+impl Default for Fragments {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl Fragments {
+    /// Room for a tile.
+    pub fn new() -> Self {
+        const ZERO: Lane = [0.0; (TILE * TILE) as usize + WIDE];
+        Self {
+            count: 0,
+            spans: Vec::new(),
+            rays: Rays::default(),
+            lanes: Box::new(Lanes {
+                column: ZERO,
+                row: ZERO,
+                facing: ZERO,
+                hand: ZERO,
+                q: ZERO,
+                normal: [ZERO; 3],
+                tangent: [ZERO; 3],
+                uv: [ZERO; 2],
+                normal_change: [[ZERO; 3]; 2],
+                uv_change: [[ZERO; 2]; 2],
+                q_change: [ZERO; 2],
+            }),
+        }
+    }
+
     /// How many samples see something.
     pub fn len(&self) -> usize {
-        self.place.len()
+        self.count
     }
 
     /// Whether no sample sees anything.
     pub fn is_empty(&self) -> bool {
-        self.place.is_empty()
+        self.count == 0
+    }
+
+    /// Where they are.
+    pub fn spans(&self) -> &[Span] {
+        &self.spans
+    }
+
+    /// Their numbers.
+    pub fn lanes(&self) -> &Lanes {
+        &self.lanes
+    }
+
+    /// How to find positions.
+    pub fn rays(&self) -> &Rays {
+        &self.rays
+    }
+
+    /// Column and row in the whole picture, in samples.
+    pub fn place(&self, i: usize) -> (u32, u32) {
+        (self.lanes.column[i] as u32, self.lanes.row[i] as u32)
     }
 
     /// World position.
     pub fn position(&self, i: usize) -> Vec3 {
-        xyz(self.position[i])
+        let l = &self.lanes;
+        let unit = self.rays.unit;
+        let distance = if self.rays.perspective {
+            unit / l.q[i]
+        } else {
+            unit * l.q[i]
+        };
+        self.rays.position(l.column[i], l.row[i], distance)
+    }
+
+    /// 1, or -1 where the surface is seen from the side its normals point away from.
+    pub fn facing(&self, i: usize) -> f32 {
+        self.lanes.facing[i]
     }
 
     /// Unit normal.
     pub fn normal(&self, i: usize) -> Vec3 {
-        xyz(self.normal[i]).normalize()
+        three(&self.lanes.normal, i).normalize()
     }
 
-    /// Interpolated tangent; w: the layout's handedness.
+    /// Tangent of some length; w: the layout's handedness.
     pub fn tangent(&self, i: usize) -> Vec4 {
-        xyz(self.tangent[i]).extend(self.position[i][3])
+        three(&self.lanes.tangent, i).extend(self.lanes.hand[i])
     }
 
     /// Texture coordinate, v up.
     pub fn uv(&self, i: usize) -> Vec2 {
-        Vec2::new(self.normal[i][3], self.tangent[i][3])
+        two(&self.lanes.uv, i) * self.inverse(i)
     }
 
-    /// Change of the texture coordinate to the right and downward.
-    ///
-    /// # Panics
-    /// Where changes were not asked for.
+    /// Change of the texture coordinate to the right and downward. Rubbish where changes were not asked for.
     pub fn uv_change(&self, i: usize) -> [Vec2; 2] {
-        let [dx, dy] = self.v_change[i];
-        [
-            Vec2::new(self.normal_dx[i][3], dx),
-            Vec2::new(self.normal_dy[i][3], dy),
-        ]
+        let uv = self.uv(i);
+        [0, 1].map(|k| {
+            let l = &self.lanes;
+            (two(&l.uv_change[k], i) - uv * l.q_change[k][i]) * self.inverse(i)
+        })
     }
 
-    /// Change of the unit normal to the right and downward, at right angles to it.
-    ///
-    /// # Panics
-    /// Where changes were not asked for.
+    /// Change of the unit normal to the right and downward, at right angles to it. Rubbish where changes were not asked for.
     pub fn normal_change(&self, i: usize) -> [Vec3; 2] {
         let n = self.normal(i);
-        let length = xyz(self.normal[i]).length();
-        [self.normal_dx[i], self.normal_dy[i]].map(|d| {
-            let d = xyz(d) / length;
+        let length = three(&self.lanes.normal, i).length();
+        [0, 1].map(|k| {
+            let d = three(&self.lanes.normal_change[k], i) / length;
             d - n * n.dot(d)
         })
     }
 
-    /// Makes room for `n` fragments, whose numbers are yet to be set.
-    fn resize(&mut self, n: usize, changes: bool) {
-        self.place.resize(n, 0);
-        self.facing.resize(n, 0.0);
-        self.position.resize(n, [0.0; 4]);
-        self.normal.resize(n, [0.0; 4]);
-        self.tangent.resize(n, [0.0; 4]);
-        let n = if changes { n } else { 0 };
-        self.normal_dx.resize(n, [0.0; 4]);
-        self.normal_dy.resize(n, [0.0; 4]);
-        self.v_change.resize(n, [0.0; 2]);
-    }
-
-    #[inline(always)]
-    fn name(&mut self, run: std::ops::Range<usize>, place: usize, facing: f32) {
-        let facings = self.facing[run.clone()].iter_mut();
-        for (i, (at, f)) in self.place[run].iter_mut().zip(facings).enumerate() {
-            *at = (place + i) as u16;
-            *f = facing;
-        }
-    }
-
-    /// Sets neighbours one after the other, by their number.
-    #[inline(always)]
-    fn set(&mut self, run: std::ops::Range<usize>, row: impl Fn(usize) -> Row) {
-        let position = self.position[run.clone()].iter_mut();
-        let normal = self.normal[run.clone()].iter_mut();
-        let tangent = self.tangent[run].iter_mut();
-        for (i, ((p, n), t)) in position.zip(normal).zip(tangent).enumerate() {
-            [*p, *n, *t] = row(i).groups();
-        }
-    }
-
-    #[inline(always)]
-    fn set_changes(&mut self, run: std::ops::Range<usize>, change: impl Fn(usize) -> [Row; 2]) {
-        if self.v_change.is_empty() {
-            return;
-        }
-        let dx = self.normal_dx[run.clone()].iter_mut();
-        let dy = self.normal_dy[run.clone()].iter_mut();
-        let v = self.v_change[run].iter_mut();
-        for (i, ((dx, dy), v)) in dx.zip(dy).zip(v).enumerate() {
-            let [x, y] = change(i);
-            (*dx, *dy) = (x.groups()[1], y.groups()[1]);
-            *v = [x.0[11], y.0[11]];
-        }
-    }
-
-    /// Gives normals without a direction that of `any`, by the position.
-    #[inline(always)]
-    fn mend_normals(&mut self, run: std::ops::Range<usize>, any: impl Fn(Vec3) -> Vec3) {
-        let positions = &self.position[run.clone()];
-        for (normal, position) in self.normal[run].iter_mut().zip(positions) {
-            let length = xyz(*normal).length_squared();
-            if !(length > 1e-20 && length < f32::INFINITY) {
-                let n = any(xyz(*position));
-                *normal = [n.x, n.y, n.z, normal[3]];
-            }
+    fn inverse(&self, i: usize) -> f32 {
+        if self.rays.perspective {
+            1.0 / self.lanes.q[i]
+        } else {
+            1.0
         }
     }
 }
 
-fn xyz([x, y, z, _]: [f32; 4]) -> Vec3 {
-    Vec3::new(x, y, z)
+fn three(lanes: &[Lane; 3], i: usize) -> Vec3 {
+    Vec3::new(lanes[0][i], lanes[1][i], lanes[2][i])
 }
 
-/// The twelve numbers of a vertex or a fragment: position, handedness, normal, u, tangent, v.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Row([f32; 12]);
-
-impl Row {
-    pub(super) fn new(mesh: &Mesh, vertex: usize) -> Self {
-        let (p, n) = (mesh.positions[vertex], mesh.normals[vertex]);
-        let (t, uv) = (mesh.tangents[vertex], mesh.uvs[vertex]);
-        Self([p.x, p.y, p.z, t.w, n.x, n.y, n.z, uv.x, t.x, t.y, t.z, uv.y])
-    }
-
-    #[inline(always)]
-    fn groups(&self) -> [[f32; 4]; 3] {
-        let r = &self.0;
-        [
-            [r[0], r[1], r[2], r[3]],
-            [r[4], r[5], r[6], r[7]],
-            [r[8], r[9], r[10], r[11]],
-        ]
-    }
-
-    /// Each number of the rows through `f`.
-    #[inline(always)]
-    fn map3(a: &Self, b: &Self, c: &Self, f: impl Fn(f32, f32, f32) -> f32) -> Self {
-        let mut row = [0.0; 12];
-        for i in 0..12 {
-            row[i] = f(a.0[i], b.0[i], c.0[i]);
-        }
-        Self(row)
-    }
-
-    fn position(&self) -> Vec3 {
-        xyz(self.groups()[0])
-    }
-
-    fn normal(&self) -> Vec3 {
-        xyz(self.groups()[1])
-    }
-}
-
-/// What shading needs of the vertices, in the order of the mesh.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Vertices {
-    pub(super) projected: Vec<Option<Vertex>>,
-    pub(super) seen: Vec<Place>,
-    pub(super) rows: Vec<Row>,
-}
-
-/// Where a vertex is in the picture: samples, and 1/w. Not finite or not positive where it is nowhere.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
-    at: DVec2,
-    inverse: f64,
-}
-
-impl Place {
-    pub(super) fn new(vertex: Option<Vertex>) -> Self {
-        let h = vertex.map_or(DVec3::ZERO, |v| v.h);
-        let inverse = 1.0 / h.z;
-        Self {
-            at: h.truncate() * inverse,
-            inverse,
-        }
-    }
+fn two(lanes: &[Lane; 2], i: usize) -> Vec2 {
+    Vec2::new(lanes[0][i], lanes[1][i])
 }
 
 /// A triangle's homogeneous edge functions.
 pub(super) struct Edges {
     pub(super) corners: [usize; 3],
+    distances: [f64; 3],
     /// Row i, dotted with (x, y, 1), is corner i's weight over w, up to one common factor.
     rows: [DVec3; 3],
 }
@@ -240,11 +212,13 @@ pub(super) struct Weights {
 }
 
 impl Edges {
-    pub(super) fn new(mesh: &Mesh, vertices: &Vertices, triangle: u32) -> Self {
+    pub(super) fn new(mesh: &Mesh, view: &View, triangle: u32) -> Self {
         let corners = mesh.triangles[triangle as usize].map(|i| i as usize);
-        let h = corners.map(|i| vertices.projected[i].map_or(DVec3::ZERO, |v| v.h));
+        let vertices = corners.map(|i| view.project(mesh.positions[i]));
+        let h = vertices.map(|v| v.map_or(DVec3::ZERO, |v| v.h));
         Self {
             corners,
+            distances: vertices.map(|v| v.map_or(0.0, |v| v.distance)),
             rows: [h[1].cross(h[2]), h[2].cross(h[0]), h[0].cross(h[1])],
         }
     }
@@ -280,33 +254,44 @@ impl Edges {
 const LEAST_HEIGHT: f64 = 0.125;
 /// Farther from the picture, in samples, the fast way loses digits.
 const FARTHEST: f64 = 1e5;
+/// A normal this short has lost its direction to the cancelling of its corners' normals.
+const LEAST_NORMAL: f32 = 1e-10;
+
+/// A linear function over samples.
+#[derive(Clone, Copy)]
+struct Linear<T> {
+    at: T,
+    dx: T,
+    dy: T,
+}
 
 /// A triangle's attributes as linear functions over the samples around its middle.
 #[derive(Clone, Copy)]
 struct Plane {
     /// The sample that offsets are counted from.
     from: [i32; 2],
-    at: Row,
-    dx: Row,
-    dy: Row,
-    /// The denominator and its change.
-    sum: [f32; 3],
+    rows: Linear<Row>,
+    q: Linear<f32>,
+    /// The change of the attributes' common denominator.
+    q_change: [f32; 2],
+    /// Whether the normal keeps its direction wherever on the triangle.
+    steady: bool,
 }
 
 impl Plane {
     /// `None` for a triangle that must be taken carefully. With it whether the corners wind counter-clockwise as seen.
     #[inline(always)]
-    fn new(places: [&Place; 3], rows: [&Row; 3]) -> Option<(Self, bool)> {
-        let q = places.map(|p| p.at);
-        let sides = [q[2] - q[1], q[0] - q[2], q[1] - q[0]];
+    fn new(corners: [&Corner; 3], rows: [&Row; 3], perspective: bool) -> Option<(Self, bool)> {
+        let at = corners.map(|c| c.at);
+        let sides = [at[2] - at[1], at[0] - at[2], at[1] - at[0]];
         let twice = sides[2].perp_dot(-sides[1]);
         let longest = sides[0]
             .length_squared()
             .max(sides[1].length_squared())
             .max(sides[2].length_squared());
-        let middle = (q[0] + q[1] + q[2]) * (1.0 / 3.0);
+        let middle = (at[0] + at[1] + at[2]) * (1.0 / 3.0);
         // NaN and what lies behind the eye fail these too.
-        let before = places.iter().all(|p| p.inverse > 0.0);
+        let before = corners[0].q > 0.0 && corners[1].q > 0.0 && corners[2].q > 0.0;
         let high = twice * twice > LEAST_HEIGHT * LEAST_HEIGHT * longest;
         let near =
             middle.x.abs() < FARTHEST && middle.y.abs() < FARTHEST && longest < FARTHEST * FARTHEST;
@@ -315,18 +300,43 @@ impl Plane {
         }
         let from = [middle.x as i32, middle.y as i32];
         let p = DVec2::new(f64::from(from[0]), f64::from(from[1])) + 0.5;
-        let scale = 1.0 / (twice * places[0].inverse);
-        let share = places.map(|p| p.inverse * scale);
-        let at = |j: usize, k: usize, s: f64| (q[j] - p).perp_dot(q[k] - p) * s;
-        let at = [at(1, 2, share[0]), at(2, 0, share[1]), at(0, 1, share[2])];
-        let dx = [0, 1, 2].map(|i| -sides[i].y * share[i]);
-        let dy = [0, 1, 2].map(|i| sides[i].x * share[i]);
+        let scale = 1.0 / twice;
+        let offset = at.map(|c| c - p);
+        // The share of each corner, and its change.
+        let at = [
+            offset[1].perp_dot(offset[2]) * scale,
+            offset[2].perp_dot(offset[0]) * scale,
+            offset[0].perp_dot(offset[1]) * scale,
+        ];
+        let dx = sides.map(|s| -s.y * scale);
+        let dy = sides.map(|s| s.x * scale);
+        let q = corners.map(|c| c.q);
+        let sum = |w: [f64; 3]| (w[0] * q[0] + w[1] * q[1] + w[2] * q[2]) as f32;
+        let weights = |w: [f64; 3]| {
+            if perspective {
+                [w[0] * q[0], w[1] * q[1], w[2] * q[2]]
+            } else {
+                w
+            }
+        };
         let plane = Self {
             from,
-            at: mix(rows, at),
-            dx: mix(rows, dx),
-            dy: mix(rows, dy),
-            sum: [at, dx, dy].map(|w| (w[0] + w[1] + w[2]) as f32),
+            rows: Linear {
+                at: Row::mix(rows, weights(at)),
+                dx: Row::mix(rows, weights(dx)),
+                dy: Row::mix(rows, weights(dy)),
+            },
+            q: Linear {
+                at: sum(at),
+                dx: sum(dx),
+                dy: sum(dy),
+            },
+            q_change: if perspective {
+                [sum(dx), sum(dy)]
+            } else {
+                [0.0; 2]
+            },
+            steady: is_steady(rows),
         };
         // Rows run downward.
         Some((plane, twice < 0.0))
@@ -334,112 +344,166 @@ impl Plane {
 
     /// Neighbours in a row, from a sample on.
     #[inline(always)]
-    fn fill(&self, run: std::ops::Range<usize>, (column, row): (i32, i32), out: &mut Fragments) {
-        out.set(run.clone(), |i| self.at(column + i as i32, row).0);
-        out.set_changes(run, |i| {
-            let (at, inverse) = self.at(column + i as i32, row);
-            self.change(&at, inverse)
-        });
-    }
-
-    /// The attributes at a sample, and 1 over the denominator there.
-    #[inline(always)]
-    fn at(&self, column: i32, row: i32) -> (Row, f32) {
-        let x = (column - self.from[0]) as f32;
+    fn fill(&self, run: Range<usize>, (column, row): (i32, i32), changes: bool, out: &mut Lanes) {
         let y = (row - self.from[1]) as f32;
-        let inverse = 1.0 / (self.sum[0] + self.sum[1] * x + self.sum[2] * y);
-        let at = Row::map3(&self.at, &self.dx, &self.dy, |n, dx, dy| {
-            (n + dx * x + dy * y) * inverse
-        });
-        (at, inverse)
-    }
-
-    /// The change of the attributes there to the right and downward.
-    #[inline(always)]
-    fn change(&self, at: &Row, inverse: f32) -> [Row; 2] {
-        let along = |n: &Row, sum: f32| Row::map3(n, at, at, |n, a, _| (n - a * sum) * inverse);
-        [along(&self.dx, self.sum[1]), along(&self.dy, self.sum[2])]
+        let mut base = [0.0; 8];
+        for k in 0..8 {
+            base[k] = self.rows.at.0[k] + self.rows.dy.0[k] * y;
+        }
+        let q = self.q.at + self.q.dy * y;
+        let dx = &self.rows.dx.0;
+        let mut start = run.start;
+        while start < run.end {
+            let first = column + (start - run.start) as i32;
+            let mut x = [0.0; WIDE];
+            for j in 0..WIDE {
+                x[j] = ((first - self.from[0]) + j as i32) as f32;
+            }
+            let line = |lane: &mut Lane, base: f32, dx: f32| {
+                let lane = &mut lane[start..start + WIDE];
+                for j in 0..WIDE {
+                    lane[j] = base + dx * x[j];
+                }
+            };
+            line(&mut out.column, self.from[0] as f32, 1.0);
+            line(&mut out.q, q, self.q.dx);
+            line(&mut out.normal[0], base[0], dx[0]);
+            line(&mut out.normal[1], base[1], dx[1]);
+            line(&mut out.normal[2], base[2], dx[2]);
+            line(&mut out.uv[0], base[3], dx[3]);
+            line(&mut out.tangent[0], base[4], dx[4]);
+            line(&mut out.tangent[1], base[5], dx[5]);
+            line(&mut out.tangent[2], base[6], dx[6]);
+            line(&mut out.uv[1], base[7], dx[7]);
+            if changes {
+                for (k, d) in [&self.rows.dx.0, &self.rows.dy.0].into_iter().enumerate() {
+                    splat(&mut out.normal_change[k][0], start, d[0]);
+                    splat(&mut out.normal_change[k][1], start, d[1]);
+                    splat(&mut out.normal_change[k][2], start, d[2]);
+                    splat(&mut out.uv_change[k][0], start, d[3]);
+                    splat(&mut out.uv_change[k][1], start, d[7]);
+                    splat(&mut out.q_change[k], start, self.q_change[k]);
+                }
+            }
+            start += WIDE;
+        }
     }
 }
 
-/// A weighted sum of rows.
+/// Whether no weighted mean of the corners' normals can come near zero: all within a right angle of their sum.
 #[inline(always)]
-fn mix(rows: [&Row; 3], weights: [f64; 3]) -> Row {
-    let w = weights.map(|w| w as f32);
-    Row::map3(rows[0], rows[1], rows[2], |a, b, c| {
-        a * w[0] + b * w[1] + c * w[2]
-    })
+fn is_steady(rows: [&Row; 3]) -> bool {
+    let n = rows.map(Row::normal);
+    let sum = n[0] + n[1] + n[2];
+    let least = LEAST_NORMAL;
+    // NaN fails these, and what overflows.
+    let along = |n: Vec3| n.dot(sum) > least && n.length_squared() < 1e30;
+    along(n[0]) && along(n[1]) && along(n[2])
+}
+
+#[inline(always)]
+fn splat(lane: &mut Lane, start: usize, value: f32) {
+    for x in &mut lane[start..start + WIDE] {
+        *x = value;
+    }
 }
 
 /// What is known of a triangle in a tile.
 struct Surface {
     plane: Option<Plane>,
     facing: f32,
+    hand: f32,
 }
 
 impl Surface {
     #[inline(always)]
-    fn new(mesh: &Mesh, vertices: &Vertices, view: &View, triangle: u32) -> Self {
-        let corners = mesh.triangles[triangle as usize].map(|i| i as usize);
-        let rows = corners.map(|i| &vertices.rows[i]);
-        let outside = outward(rows);
-        match Plane::new(corners.map(|i| &vertices.seen[i]), rows) {
+    fn new(geometry: &Geometry<'_>, corners: &Corners, triangle: u32) -> Self {
+        let mesh = geometry.mesh();
+        let vertices = mesh.triangles[triangle as usize];
+        let as_wound = geometry.as_wound[triangle as usize];
+        let rows = vertices.map(|i| &geometry.rows[i as usize]);
+        let three = vertices.map(|i| &corners.list[i as usize]);
+        let signed = |yes: bool| if yes { 1.0 } else { -1.0 };
+        let hand = signed(mesh.tangents[vertices[0] as usize].w >= 0.0);
+        match Plane::new(three, rows, corners.view.is_perspective()) {
             Some((plane, counter_clockwise)) => Self {
                 plane: Some(plane),
-                facing: if counter_clockwise == outside.as_wound {
-                    1.0
-                } else {
-                    -1.0
-                },
+                facing: signed(counter_clockwise == as_wound),
+                hand,
             },
             None => {
                 // A plane is seen from one side, wherever on it one looks.
-                let toward = view.toward_any_length(rows[0].position());
+                let toward = corners
+                    .view
+                    .toward_any_length(mesh.positions[vertices[0] as usize]);
                 Self {
                     plane: None,
-                    facing: if outside.normal.dot(toward) < 0.0 {
-                        -1.0
-                    } else {
-                        1.0
-                    },
+                    facing: signed(outward(mesh, vertices).normal.dot(toward) >= 0.0),
+                    hand,
                 }
             }
         }
     }
 }
 
-/// The side of a triangle that the vertex normals call outside.
-pub(super) struct Outward {
-    /// Of any length; zero for a triangle without area.
-    pub(super) normal: Vec3,
-    /// Whether the triangle winds counter-clockwise seen from there.
-    as_wound: bool,
-}
-
-#[inline(always)]
-pub(super) fn outward(rows: [&Row; 3]) -> Outward {
-    let [a, b, c] = rows.map(Row::position);
-    let normals: Vec3 = rows.map(Row::normal).into_iter().sum();
-    let face = (b - a).cross(c - a);
-    let as_wound = face.dot(normals) >= 0.0;
-    Outward {
-        normal: if as_wound { face } else { -face },
-        as_wound,
+/// A triangle in f64 weights, sample by sample.
+#[cold]
+fn fill_carefully(
+    (geometry, view): (&Geometry<'_>, &View),
+    triangle: u32,
+    run: Range<usize>,
+    (column, row): (i32, i32),
+    out: &mut Lanes,
+) {
+    let edges = Edges::new(geometry.mesh(), view, triangle);
+    let rows = edges.corners.map(|i| &geometry.rows[i]);
+    for (i, column) in run.zip(column..) {
+        let w = edges.weights(f64::from(column) + 0.5, f64::from(row) + 0.5);
+        let distance: f64 = (0..3).map(|k| w.at[k] * edges.distances[k]).sum();
+        let (q, share) = view.slant_at(distance);
+        let at = Row::mix(rows, w.at.map(|w| w * share)).0;
+        out.column[i] = column as f32;
+        out.q[i] = q as f32;
+        for k in 0..3 {
+            out.normal[k][i] = at[k];
+            out.tangent[k][i] = at[4 + k];
+        }
+        out.uv[0][i] = at[3];
+        out.uv[1][i] = at[7];
+        for (k, change) in [w.dx, w.dy].into_iter().enumerate() {
+            // As if q stood still: the weights' own change holds it already.
+            let d = Row::mix(rows, change.map(|w| w * share)).0;
+            for c in 0..3 {
+                out.normal_change[k][c][i] = d[c];
+            }
+            out.uv_change[k][0][i] = d[3];
+            out.uv_change[k][1][i] = d[7];
+            out.q_change[k][i] = 0.0;
+        }
     }
 }
 
-/// The attributes and their change in f64 weights.
-fn carefully(
-    mesh: &Mesh,
-    vertices: &Vertices,
+/// Gives normals without a direction that of the triangle, or that toward the viewer.
+#[cold]
+fn mend_normals(
+    (geometry, view): (&Geometry<'_>, &View),
     triangle: u32,
-    (column, row): (i32, i32),
-) -> (Row, [Row; 2]) {
-    let edges = Edges::new(mesh, vertices, triangle);
-    let w = edges.weights(f64::from(column) + 0.5, f64::from(row) + 0.5);
-    let rows = edges.corners.map(|i| &vertices.rows[i]);
-    let mix = |w: [f64; 3]| mix(rows, w);
-    (mix(w.at), [mix(w.dx), mix(w.dy)])
+    run: Range<usize>,
+    out: &mut Lanes,
+) {
+    let mesh = geometry.mesh();
+    let vertices = mesh.triangles[triangle as usize];
+    let position = mesh.positions[vertices[0] as usize];
+    let normal = outward(mesh, vertices).normal.try_normalize();
+    let normal = normal.unwrap_or_else(|| view.toward(position)).to_array();
+    for i in run {
+        let length = three(&out.normal, i).length_squared();
+        if !(length > LEAST_NORMAL * LEAST_NORMAL && length < f32::INFINITY) {
+            for k in 0..3 {
+                out.normal[k][i] = normal[k];
+            }
+        }
+    }
 }
 
 /// The surfaces of a tile, found by triangle. Neighbours mostly see the same triangle, rows see those of the row above.
@@ -478,33 +542,33 @@ impl Surfaces {
 
 /// The attributes of every sample of a tile that sees something; their changes where `changes` are asked for.
 pub(super) fn resolve(
-    mesh: &Mesh,
-    vertices: &Vertices,
-    view: &View,
-    (rect, seen): (Rect, &[u32]),
+    geometry: &Geometry<'_>,
+    corners: &Corners,
+    tile: &Tile,
     changes: bool,
     out: &mut Fragments,
 ) {
-    let width = rect.width as usize;
-    let line = |line: &[u32]| line[..width].iter().filter(|t| **t != NOTHING).count();
-    out.resize(seen.chunks(STRIDE).map(line).sum(), changes);
-    let scene = (mesh, vertices, view);
-    dispatch!(math::level(), simd => resolve_all(simd, scene, rect, seen, out));
+    out.rays = corners.view.rays();
+    out.spans.clear();
+    let scene = (geometry, corners);
+    out.count = dispatch!(math::level(), simd => resolve_all(simd, scene, tile, changes, &mut out.spans, &mut out.lanes));
 }
 
 #[simd]
 fn resolve_all<S: Simd>(
     _: S,
-    (mesh, vertices, view): (&Mesh, &Vertices, &View),
-    rect: Rect,
-    seen: &[u32],
-    out: &mut Fragments,
-) {
+    (geometry, corners): (&Geometry<'_>, &Corners),
+    tile: &Tile,
+    changes: bool,
+    spans: &mut Vec<Span>,
+    out: &mut Lanes,
+) -> usize {
+    let careful = (geometry, &corners.view);
     let mut surfaces = Surfaces::new();
     let mut next = 0;
-    for (y, line) in seen.chunks(STRIDE).enumerate() {
-        let line = &line[..rect.width as usize];
-        let row = rect.y as i32 + y as i32;
+    for (y, line) in tile.seen.chunks(STRIDE).enumerate() {
+        let line = &line[..tile.rect.width as usize];
+        let row = tile.rect.y as i32 + y as i32;
         let mut x = 0;
         while x < line.len() {
             let triangle = line[x];
@@ -515,31 +579,39 @@ fn resolve_all<S: Simd>(
             if triangle == NOTHING {
                 continue;
             }
-            let surface = surfaces.get(triangle, || Surface::new(mesh, vertices, view, triangle));
+            join(spans, start, y, x - start);
+            let surface = surfaces.get(triangle, || Surface::new(geometry, corners, triangle));
             let run = next..next + (x - start);
             next = run.end;
-            let first = (rect.x as i32 + start as i32, row);
-            let place = y * rect.width as usize + start;
-            out.name(run.clone(), place, surface.facing);
+            let first = (tile.rect.x as i32 + start as i32, row);
+            for block in run.clone().step_by(WIDE) {
+                splat(&mut out.row, block, row as f32);
+                splat(&mut out.facing, block, surface.facing);
+                splat(&mut out.hand, block, surface.hand);
+            }
             match &surface.plane {
-                Some(plane) => plane.fill(run.clone(), first, out),
+                Some(plane) => {
+                    plane.fill(run.clone(), first, changes, out);
+                    if !plane.steady {
+                        mend_normals(careful, triangle, run, out);
+                    }
+                }
                 None => {
-                    let at = |i: usize| (first.0 + i as i32, first.1);
-                    out.set(run.clone(), |i| {
-                        carefully(mesh, vertices, triangle, at(i)).0
-                    });
-                    out.set_changes(run.clone(), |i| {
-                        carefully(mesh, vertices, triangle, at(i)).1
-                    });
+                    fill_carefully(careful, triangle, run.clone(), first, out);
+                    mend_normals(careful, triangle, run, out);
                 }
             }
-            out.mend_normals(run, |position| {
-                let corners = mesh.triangles[triangle as usize];
-                let normal = outward(corners.map(|i| &vertices.rows[i as usize])).normal;
-                normal
-                    .try_normalize()
-                    .unwrap_or_else(|| view.toward(position))
-            });
         }
+    }
+    next
+}
+
+/// Adds a run to the spans: to the last one where that ends beside it.
+#[inline(always)]
+fn join(spans: &mut Vec<Span>, column: usize, row: usize, count: usize) {
+    let (column, row, count) = (column as u16, row as u16, count as u16);
+    match spans.last_mut() {
+        Some(last) if last.row == row && last.column + last.count == column => last.count += count,
+        _ => spans.push(Span { column, row, count }),
     }
 }

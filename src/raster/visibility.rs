@@ -6,15 +6,14 @@
 //! samples.
 
 use super::camera::{Vertex, View};
-use super::clip::clip;
-use super::{Cull, TILE};
-use crate::error::Result;
+use super::clip::{GUARD, clip};
+use super::geometry::Geometry;
+use super::{Cull, TILE, Tile};
 use crate::map::Rect;
 use crate::math;
-use crate::mesh::Mesh;
-use crate::progress::Progress;
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
+use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
 /// Fractional bits of a screen coordinate.
@@ -25,8 +24,8 @@ const SUBPIXEL: i64 = 1 << SUBPIXEL_BITS;
 const FAR_OUT: f64 = (40_000 * SUBPIXEL) as f64;
 /// No triangle.
 pub(super) const NOTHING: u32 = u32::MAX;
-/// Triangles that are set up and binned at a time: bounds the memory of the bins.
-const BATCH: usize = 1 << 17;
+/// Vertices that one thread projects at a time.
+const RUN: usize = 1 << 11;
 /// Triangles of a block.
 const BLOCK: usize = 1 << 10;
 /// Samples that are decided at once.
@@ -34,57 +33,104 @@ const LANES: usize = 16;
 /// Samples from one row of a tile to the next: a row of lanes may begin at any of its samples.
 pub(super) const STRIDE: usize = TILE as usize + LANES;
 
-/// What the samples of one tile see so far: rows of [`STRIDE`], or nothing at all while no triangle was near.
-pub(super) struct Seen {
-    pub(super) rect: Rect,
-    /// Index of the mesh's triangle, or [`NOTHING`]. Past the tile's width there is rubbish.
-    pub(super) triangle: Vec<u32>,
-    /// See [`View::depth`].
-    depth: Vec<f32>,
+/// The nearest depth of each sample of a tile so far; larger is nearer. One for each thread that draws tiles.
+pub struct Depths(Vec<f32>);
+
+impl Depths {
+    /// Room for a tile.
+    pub fn new() -> Self {
+        Self(vec![0.0; STRIDE * TILE as usize])
+    }
 }
 
-/// A corner in fixed point.
-#[derive(Clone, Copy)]
-struct Corner {
-    vertex: Vertex,
-    depth: f64,
-    /// [`Corner::CLIP`] where the corner has no place of its own.
+impl Default for Depths {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The vertices of a mesh in a picture.
+#[derive(Clone, Debug)]
+pub struct Corners {
+    pub(super) view: View,
+    pub(super) list: Vec<Corner>,
+}
+
+impl Corners {
+    /// Projects every vertex.
+    pub fn new(geometry: &Geometry<'_>, view: &View) -> Self {
+        let positions = &geometry.mesh().positions;
+        let mut list = vec![Corner::NOWHERE; positions.len()];
+        let level = math::level();
+        list.par_chunks_mut(RUN)
+            .zip(positions.par_chunks(RUN))
+            .for_each(|(list, positions)| {
+                dispatch!(level, simd => project(simd, view, positions, list));
+            });
+        Self { view: *view, list }
+    }
+}
+
+#[simd]
+fn project<S: Simd>(_: S, view: &View, positions: &[Vec3], out: &mut [Corner]) {
+    for (corner, position) in out.iter_mut().zip(positions) {
+        *corner = view
+            .project(*position)
+            .map_or(Corner::NOWHERE, |v| Corner::new(view, &v));
+    }
+}
+
+/// A vertex in the picture.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner {
+    /// In samples; not finite where it is nowhere.
+    pub(super) at: DVec2,
+    /// For a perspective view 1/w, else the distance; see [`View::slant`]. Positive where it lies before the eye.
+    pub(super) q: f64,
+    /// In fixed point; [`Corner::CLIP`] where it has no place of its own, [`Corner::NONE`] where the vertex is not finite.
     x: i32,
     y: i32,
 }
 
 impl Corner {
     const CLIP: i32 = i32::MIN;
+    const NONE: i32 = i32::MAX;
+    const NOWHERE: Self = Self {
+        at: DVec2::NAN,
+        q: f64::NAN,
+        x: Self::NONE,
+        y: Self::NONE,
+    };
 
-    fn new(view: &View, vertex: Vertex) -> Self {
-        let inverse = 1.0 / vertex.h.z;
+    #[inline(always)]
+    fn new(view: &View, vertex: &Vertex) -> Self {
+        let at = vertex.h.truncate() * (1.0 / vertex.h.z);
         let (cx, cy) = view.centre();
-        let (x, y) = (vertex.h.x * inverse, vertex.h.y * inverse);
-        let guard = super::clip::GUARD;
         // NaN is not inside.
-        let inside =
-            vertex.distance >= view.near() && (x - cx).abs() <= guard && (y - cy).abs() <= guard;
+        let inside = vertex.distance >= view.near()
+            && (at.x - cx).abs() <= GUARD
+            && (at.y - cy).abs() <= GUARD;
         let fixed = |v: f64| (v * SUBPIXEL as f64).round() as i32;
         Self {
-            vertex,
-            depth: view.depth(&vertex),
-            x: if inside { fixed(x) } else { Self::CLIP },
-            y: if inside { fixed(y) } else { Self::CLIP },
+            at,
+            q: view.slant(vertex),
+            x: if inside { fixed(at.x) } else { Self::CLIP },
+            y: if inside { fixed(at.y) } else { Self::CLIP },
         }
     }
 
     /// A corner that clipping made: on the border of what is inside.
     fn clipped(view: &View, vertex: &Vertex) -> Option<Self> {
-        let inverse = 1.0 / vertex.h.z;
+        let at = vertex.h.truncate() * (1.0 / vertex.h.z);
         let fixed = |v: f64| {
             let v = (v * SUBPIXEL as f64).round();
             (v.abs() <= FAR_OUT).then_some(v as i32)
         };
         Some(Self {
-            vertex: *vertex,
-            depth: view.depth(vertex),
-            x: fixed(vertex.h.x * inverse)?,
-            y: fixed(vertex.h.y * inverse)?,
+            at,
+            q: view.slant(vertex),
+            x: fixed(at.x)?,
+            y: fixed(at.y)?,
         })
     }
 }
@@ -114,7 +160,8 @@ struct Edge {
 }
 
 impl Setup {
-    fn new(corners: [&Corner; 3], triangle: u32, cull: Cull) -> Option<Self> {
+    #[inline(always)]
+    fn new(corners: [&Corner; 3], triangle: u32, cull: Cull, nearer: f64) -> Option<Self> {
         let [a, mut b, mut c] = corners;
         let wide = i64::from;
         let area = |b: &Corner, c: &Corner| {
@@ -140,12 +187,13 @@ impl Setup {
         if columns.0 > columns.1 || rows.0 > rows.1 {
             return None;
         }
-        let (db, dc) = (b.depth - a.depth, c.depth - a.depth);
+        let depths = [a, b, c].map(|corner| corner.q * nearer);
+        let (db, dc) = (depths[1] - depths[0], depths[2] - depths[0]);
         let per = SUBPIXEL as f64 / twice as f64;
         let depth_dx = (db * f64::from(c.y - a.y) - dc * f64::from(b.y - a.y)) * per;
         let depth_dy = (dc * f64::from(b.x - a.x) - db * f64::from(c.x - a.x)) * per;
         let offset = |first: i32, at: i32| f64::from(first) + 0.5 - f64::from(at) / SUBPIXEL as f64;
-        let depth = a.depth + depth_dx * offset(columns.0, a.x) + depth_dy * offset(rows.0, a.y);
+        let depth = depths[0] + depth_dx * offset(columns.0, a.x) + depth_dy * offset(rows.0, a.y);
         Some(Self {
             x: [a.x, b.x, c.x],
             y: [a.y, b.y, c.y],
@@ -155,8 +203,8 @@ impl Setup {
             depth_dx: depth_dx as f32,
             depth_dy: depth_dy as f32,
             depth_range: (
-                a.depth.min(b.depth).min(c.depth) as f32,
-                a.depth.max(b.depth).max(c.depth) as f32,
+                depths[0].min(depths[1]).min(depths[2]) as f32,
+                depths[0].max(depths[1]).max(depths[2]) as f32,
             ),
             triangle,
         })
@@ -194,8 +242,7 @@ impl Setup {
     }
 
     #[inline(always)]
-    fn draw(&self, seen: &mut Seen) {
-        let rect = seen.rect;
+    fn draw(&self, rect: Rect, triangles: &mut [u32], depths: &mut [f32]) {
         let (left, top) = (rect.x as i32, rect.y as i32);
         let columns = (
             self.columns.0.max(left),
@@ -231,8 +278,8 @@ impl Setup {
                     at,
                     [e0.dx, e1.dx, e2.dx],
                     (depth, first),
-                    &mut seen.depth[place..][..LANES],
-                    &mut seen.triangle[place..][..LANES],
+                    &mut depths[place..][..LANES],
+                    &mut triangles[place..][..LANES],
                 );
                 at[0] = at[0].wrapping_add(e0.dx.wrapping_mul(LANES as i32));
                 at[1] = at[1].wrapping_add(e1.dx.wrapping_mul(LANES as i32));
@@ -362,94 +409,110 @@ fn tiles_of(setup: &Setup, window: Rect) -> (Span, Span) {
     )
 }
 
-/// Draws every triangle of the mesh into the tiles of the window.
-pub(super) fn draw(
-    mesh: &Mesh,
-    vertices: &[Option<Vertex>],
-    view: &View,
-    window: Rect,
-    cull: Cull,
-    progress: &Progress<'_>,
-) -> Result<Vec<Seen>> {
-    let corners: Vec<Option<Corner>> = vertices
-        .par_iter()
-        .with_min_len(4096)
-        .map(|v| v.map(|v| Corner::new(view, v)))
-        .collect();
-    let mut tiles: Vec<Seen> = window
-        .tiles(TILE)
-        .map(|rect| Seen {
-            rect,
-            triangle: Vec::new(),
-            depth: Vec::new(),
-        })
-        .collect();
-    let across = window.width.div_ceil(TILE) as usize;
-    for (batch, triangles) in mesh.triangles.chunks(BATCH).enumerate() {
-        progress.check()?;
-        let first = batch * BATCH;
-        let last = first + triangles.len() == mesh.triangles.len();
-        let blocks: Vec<Block> = triangles
+/// The triangles of a mesh that may be seen in a window, sorted into its tiles. 80 bytes for each that covers a sample, and two
+/// for each tile that it touches.
+pub struct Bins {
+    across: usize,
+    blocks: Vec<Block>,
+}
+
+impl Bins {
+    /// Sets the triangles up and sorts them.
+    ///
+    /// # Panics
+    /// When the window reaches outside the picture, or the corners are of other geometry.
+    pub fn new(geometry: &Geometry<'_>, corners: &Corners, window: Rect, cull: Cull) -> Self {
+        let view = &corners.view;
+        assert!(
+            window.intersection(view.size().rect()) == Some(window),
+            "a window inside the picture"
+        );
+        let level = math::level();
+        let triangles = &geometry.mesh().triangles;
+        let blocks = triangles
             .par_chunks(BLOCK)
             .enumerate()
             .map(|(block, some)| {
+                let first = (block * BLOCK) as u32;
                 let mut setups = Vec::with_capacity(some.len());
-                for (i, triangle) in some.iter().enumerate() {
-                    let index = (first + block * BLOCK + i) as u32;
-                    set_up(view, &corners, *triangle, index, cull, &mut setups);
-                }
+                dispatch!(level, simd => set_up_all(simd, (geometry, corners), (some, first), cull, &mut setups));
                 Block::new(setups, window)
             })
             .collect();
-        tiles.par_iter_mut().enumerate().for_each(|(i, tile)| {
-            draw_tile(&blocks, (i % across, i / across), tile);
-            if last {
-                tile.depth = Vec::new();
-            }
-        });
+        Self {
+            across: window.width.div_ceil(TILE) as usize,
+            blocks,
+        }
     }
-    Ok(tiles)
-}
 
-fn draw_tile(blocks: &[Block], (column, row): (usize, usize), tile: &mut Seen) {
-    let level = math::level();
-    for block in blocks {
-        let order = block.tile(column, row);
-        if order.is_empty() {
-            continue;
+    /// Draws tile number `i` of the window, in place of what it saw.
+    pub fn draw(&self, i: usize, tile: &mut Tile, depths: &mut Depths) {
+        let level = math::level();
+        let place = (i % self.across, i / self.across);
+        let samples = STRIDE * tile.rect.height as usize;
+        let mut begun = false;
+        for block in &self.blocks {
+            let order = block.tile(place.0, place.1);
+            if order.is_empty() {
+                continue;
+            }
+            if !begun {
+                begun = true;
+                tile.seen.clear();
+                tile.seen.resize(samples, NOTHING);
+                depths.0[..samples].fill(f32::NEG_INFINITY);
+            }
+            dispatch!(level, simd => draw_all(simd, &block.setups, order, tile, &mut depths.0));
         }
-        if tile.triangle.is_empty() {
-            let samples = STRIDE * tile.rect.height as usize;
-            tile.triangle = vec![NOTHING; samples];
-            tile.depth = vec![f32::NEG_INFINITY; samples];
+        if !begun {
+            tile.seen.clear();
         }
-        dispatch!(level, simd => draw_all(simd, &block.setups, order, tile));
     }
 }
 
 #[simd]
-fn draw_all<S: Simd>(_: S, setups: &[Setup], order: &[u16], tile: &mut Seen) {
+fn draw_all<S: Simd>(_: S, setups: &[Setup], order: &[u16], tile: &mut Tile, depths: &mut [f32]) {
     for &i in order {
-        setups[i as usize].draw(tile);
+        setups[i as usize].draw(tile.rect, &mut tile.seen, depths);
     }
 }
 
-fn set_up(
+#[simd]
+fn set_up_all<S: Simd>(
+    _: S,
+    (geometry, corners): (&Geometry<'_>, &Corners),
+    (triangles, first): (&[[u32; 3]], u32),
+    cull: Cull,
+    setups: &mut Vec<Setup>,
+) {
+    let nearer = corners.view.nearer();
+    for (triangle, index) in triangles.iter().zip(first..) {
+        let three = triangle.map(|i| &corners.list[i as usize]);
+        let [a, b, c] = three;
+        // One comparison for both: what has no place is at the ends of the range.
+        let placed = |c: &Corner| c.x != Corner::CLIP && c.x != Corner::NONE;
+        if placed(a) & placed(b) & placed(c) {
+            setups.extend(Setup::new(three, index, cull, nearer));
+        } else if three.iter().all(|c| c.x != Corner::NONE) {
+            clip_and_set_up(geometry, &corners.view, *triangle, index, cull, setups);
+        }
+    }
+}
+
+#[cold]
+fn clip_and_set_up(
+    geometry: &Geometry<'_>,
     view: &View,
-    corners: &[Option<Corner>],
     triangle: [u32; 3],
     index: u32,
     cull: Cull,
     setups: &mut Vec<Setup>,
 ) {
-    let [Some(a), Some(b), Some(c)] = triangle.map(|i| corners[i as usize].as_ref()) else {
+    let vertex = |i: u32| view.project(geometry.mesh().positions[i as usize]);
+    let [Some(a), Some(b), Some(c)] = triangle.map(vertex) else {
         return;
     };
-    if a.x != Corner::CLIP && b.x != Corner::CLIP && c.x != Corner::CLIP {
-        setups.extend(Setup::new([a, b, c], index, cull));
-        return;
-    }
-    let Some(polygon) = clip(view, [a.vertex, b.vertex, c.vertex]) else {
+    let Some(polygon) = clip(view, [a, b, c]) else {
         return;
     };
     let pieces = polygon.corners();
@@ -459,6 +522,6 @@ fn set_up(
         else {
             continue;
         };
-        setups.extend(Setup::new([&a, &b, &c], index, cull));
+        setups.extend(Setup::new([&a, &b, &c], index, cull, view.nearer()));
     }
 }

@@ -1,0 +1,437 @@
+//! A picture that is drawn again and again, at the cost of what changed.
+//!
+//! | what changed | what is done |
+//! |---|---|
+//! | size, camera, samples, mesh | everything |
+//! | lights, exposure, background, colours, look | every tile is lit anew; what its samples see is kept |
+//! | a rectangle of the map | the tiles are lit anew that see any of it |
+//! | nothing | nothing |
+//!
+//! Whatever was done, the picture is bit for bit the one that drawing everything gives.
+
+use super::prepared::{Prepared, cull};
+use super::{Look, Material, Picture, Scene, Stage, Timings, sample_grid};
+use crate::error::Result;
+use crate::map::{AnisoMap, Rect, Size};
+use crate::progress::Progress;
+use crate::raster::{Bins, Corners, Cull, Fragments, Tile, View};
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// Samples of a picture whose visibility is kept: five bytes each. Larger ones are drawn whole every time.
+const KEPT_MAX: u64 = 1 << 26;
+
+/// What [`Frame::draw`] had to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Redrawn {
+    /// The picture stood already.
+    Nothing,
+    /// So many tiles were lit anew.
+    Tiles(usize),
+    /// All were lit anew, what they see was kept.
+    Light,
+    /// Everything.
+    Everything,
+}
+
+/// A picture, what each of its samples sees, and what it was lit with.
+pub struct Frame {
+    picture: Picture,
+    kept: Option<Kept>,
+    shown: Option<Shown>,
+}
+
+/// What does not change with the light.
+struct Kept {
+    view: View,
+    samples: u32,
+    cull: Cull,
+    /// [`Geometry::id`](crate::raster::Geometry::id).
+    geometry: u64,
+    corners: Corners,
+    tiles: Vec<Tile>,
+    /// The parts of the map that each tile sees; worked out when the map first changes.
+    reaches: Option<Reaches>,
+}
+
+/// What the picture was lit with.
+struct Shown {
+    scene: Scene,
+    look: Look,
+    material: Material,
+    revision: u64,
+}
+
+impl Frame {
+    /// A black picture.
+    ///
+    /// # Errors
+    /// Never for a checked size; see [`Frame::draw`] for what a scene asks of it.
+    pub fn new(size: Size) -> Self {
+        Self {
+            picture: Picture::new(size, [0.0; 3]),
+            kept: None,
+            shown: None,
+        }
+    }
+
+    /// The picture as it was last drawn.
+    pub fn picture(&self) -> &Picture {
+        &self.picture
+    }
+
+    /// Takes another size; the picture is black until it is drawn again.
+    pub fn resize(&mut self, size: Size) {
+        if self.picture.size() != size {
+            *self = Self::new(size);
+        }
+    }
+
+    /// Makes the picture that of a subject in a scene, doing no more than it takes.
+    ///
+    /// # Errors
+    /// As [`render`](super::render). The picture may then be part old, part new; the next call draws what is missing.
+    pub fn draw(
+        &mut self,
+        subject: &Prepared<'_>,
+        scene: &Scene,
+        look: Look,
+        timings: &Timings,
+        progress: &Progress<'_>,
+    ) -> Result<Redrawn> {
+        scene.check()?;
+        let grid = sample_grid(self.picture.size(), scene.samples)?;
+        let view = View::new(&scene.camera, grid)?;
+        if grid.texels() as u64 > KEPT_MAX {
+            (self.kept, self.shown) = (None, None);
+            let picture = std::slice::from_mut(&mut self.picture);
+            subject.draw(scene, &[look], picture, timings, progress)?;
+            return Ok(Redrawn::Everything);
+        }
+        let is_kept = self.kept.as_ref().is_some_and(|k| {
+            k.view == view
+                && k.samples == scene.samples
+                && k.cull == cull(scene)
+                && k.geometry == subject.geometry.id()
+        });
+        let before = self.shown.take();
+        let redrawn = if is_kept {
+            let kept = self.kept.as_mut().expect("just looked at");
+            let lit_alike = before.filter(|s| {
+                s.scene == *scene && s.look == look && s.material == *subject.material()
+            });
+            let dirty = lit_alike.and_then(|s| subject.changes_since(s.revision));
+            // One lobe for the whole surface knows no place.
+            let dirty = dirty.filter(|d| d.is_empty() || !look.mean);
+            let job = Job {
+                subject,
+                scene,
+                look,
+                timings,
+                progress,
+            };
+            match dirty {
+                Some([]) => Redrawn::Nothing,
+                Some(rects) => Redrawn::Tiles(job.relight_some(kept, rects, &mut self.picture)?),
+                None => {
+                    job.relight(kept, |_| true, &mut self.picture)?;
+                    Redrawn::Light
+                }
+            }
+        } else {
+            let old = self.kept.take().map_or_else(Vec::new, |k| k.tiles);
+            let job = Job {
+                subject,
+                scene,
+                look,
+                timings,
+                progress,
+            };
+            self.kept = Some(job.draw(view, old, &mut self.picture)?);
+            Redrawn::Everything
+        };
+        self.shown = Some(Shown {
+            scene: scene.clone(),
+            look,
+            material: *subject.material(),
+            revision: subject.revision(),
+        });
+        Ok(redrawn)
+    }
+
+    /// Draws in a hurry, while the camera moves: a quarter of the pixels with one sample each, shown twice as large. The next
+    /// [`Frame::draw`] draws everything.
+    ///
+    /// # Errors
+    /// As [`render`](super::render).
+    pub fn draft(
+        &mut self,
+        subject: &Prepared<'_>,
+        scene: &Scene,
+        look: Look,
+        timings: &Timings,
+        progress: &Progress<'_>,
+    ) -> Result<()> {
+        (self.kept, self.shown) = (None, None);
+        let size = self.picture.size();
+        let half = Size::new(size.width().div_ceil(2), size.height().div_ceil(2))?;
+        let scene = Scene {
+            samples: 1,
+            ..scene.clone()
+        };
+        let small = subject
+            .render(&scene, &[look], half, timings, progress)?
+            .swap_remove(0);
+        for y in 0..size.height() {
+            let from = small.row(y / 2);
+            for (x, pixel) in self.picture.row_mut(y).iter_mut().enumerate() {
+                *pixel = from[x / 2];
+            }
+        }
+        Ok(())
+    }
+}
+
+/// One call of [`Frame::draw`].
+struct Job<'a> {
+    subject: &'a Prepared<'a>,
+    scene: &'a Scene,
+    look: Look,
+    timings: &'a Timings,
+    progress: &'a Progress<'a>,
+}
+
+impl Job<'_> {
+    /// Draws everything, into the memory of `old` tiles where they fit.
+    fn draw(&self, view: View, old: Vec<Tile>, picture: &mut Picture) -> Result<Kept> {
+        let Self {
+            subject,
+            scene,
+            look,
+            timings,
+            progress,
+        } = *self;
+        let window = view.size().rect();
+        let geometry = &subject.geometry;
+        let corners = timings.time(Stage::Vertex, || Corners::new(geometry, &view));
+        let bins = timings.time(Stage::Bin, || {
+            Bins::new(geometry, &corners, window, cull(scene))
+        });
+        let mut tiles = Tile::of(window);
+        for (tile, old) in tiles.iter_mut().zip(old) {
+            tile.take_memory(old);
+        }
+        let shader = subject.shader(scene, picture.size(), look);
+        let changes = scene.quality.needs_changes();
+        progress.expect(tiles.len() as u64);
+        let pictures = std::slice::from_mut(picture);
+        subject.each_tile(
+            window,
+            &mut tiles,
+            pictures,
+            scene.samples,
+            |i, tile, desk, lines| {
+                timings.time(Stage::Raster, || bins.draw(i, tile, &mut desk.depths));
+                timings.time(Stage::Resolve, || {
+                    tile.resolve(geometry, &corners, changes, &mut desk.fragments);
+                });
+                shader.tile(tile.rect, desk, &mut lines[0], timings);
+                progress.step()
+            },
+        )?;
+        Ok(Kept {
+            view,
+            samples: scene.samples,
+            cull: cull(scene),
+            geometry: geometry.id(),
+            corners,
+            tiles,
+            reaches: None,
+        })
+    }
+
+    /// Lights the tiles of which `is_wanted` says so.
+    fn relight(
+        &self,
+        kept: &mut Kept,
+        is_wanted: impl Fn(usize) -> bool + Sync,
+        picture: &mut Picture,
+    ) -> Result<()> {
+        let Self {
+            subject,
+            scene,
+            look,
+            timings,
+            progress,
+        } = *self;
+        let Kept {
+            view,
+            corners,
+            tiles,
+            ..
+        } = kept;
+        let shader = subject.shader(scene, picture.size(), look);
+        let changes = scene.quality.needs_changes();
+        progress.expect(tiles.len() as u64);
+        let window = view.size().rect();
+        let pictures = std::slice::from_mut(picture);
+        subject.each_tile(
+            window,
+            tiles,
+            pictures,
+            scene.samples,
+            |i, tile, desk, lines| {
+                if is_wanted(i) {
+                    timings.time(Stage::Resolve, || {
+                        tile.resolve(&subject.geometry, corners, changes, &mut desk.fragments);
+                    });
+                    shader.tile(tile.rect, desk, &mut lines[0], timings);
+                }
+                progress.step()
+            },
+        )
+    }
+
+    /// Lights the tiles that see any of some rectangles of the map, and counts them.
+    fn relight_some(
+        &self,
+        kept: &mut Kept,
+        rects: &[Rect],
+        picture: &mut Picture,
+    ) -> Result<usize> {
+        if kept.reaches.is_none() {
+            kept.reaches = Some(self.reaches(kept)?);
+        }
+        let reaches = kept.reaches.take().expect("just made");
+        let size = self.subject.map().size();
+        let mut changed = Cells::default();
+        for rect in rects {
+            let part = |start: u32, length: u32, all: u32| {
+                let place = |t: u32| t as f32 / all as f32;
+                (place(start), place(start + length))
+            };
+            changed.add(
+                part(rect.x, rect.width, size.width()),
+                part(rect.y, rect.height, size.height()),
+            );
+        }
+        let touched: Vec<bool> = reaches.0.iter().map(|r| r.meets(&changed)).collect();
+        kept.reaches = Some(reaches);
+        self.relight(kept, |i| touched[i], picture)?;
+        Ok(touched.into_iter().filter(|t| *t).count())
+    }
+
+    /// What parts of the map the tiles see.
+    fn reaches(&self, kept: &Kept) -> Result<Reaches> {
+        let Self {
+            subject,
+            scene,
+            progress,
+            ..
+        } = *self;
+        let changes = scene.quality.needs_changes();
+        let cells = kept.tiles.par_iter().map(|tile| {
+            progress.check()?;
+            Ok(subject.with_desk(|desk| {
+                let fragments = &mut desk.fragments;
+                tile.resolve(&subject.geometry, &kept.corners, changes, fragments);
+                Cells::seen(subject.map(), fragments, scene.quality.mips)
+            }))
+        });
+        Ok(Reaches(cells.collect::<Result<_>>()?))
+    }
+}
+
+/// What parts of the map each tile sees.
+struct Reaches(Vec<Cells>);
+
+/// Cells along a side of the map.
+const CELLS: usize = 64;
+
+/// Some cells of the map, a bit each, in rows from the top.
+#[derive(Clone, Debug)]
+struct Cells([u64; CELLS]);
+
+impl Default for Cells {
+    fn default() -> Self {
+        Self([0; CELLS])
+    }
+}
+
+impl Cells {
+    const ALL: Self = Self([u64::MAX; CELLS]);
+
+    fn meets(&self, other: &Self) -> bool {
+        self.0.iter().zip(&other.0).any(|(a, b)| a & b != 0)
+    }
+
+    /// Adds a rectangle, in parts of the map from its left and its upper edge; what lies outside is taken as wrapped around.
+    fn add(&mut self, across: (f32, f32), down: (f32, f32)) {
+        let cells = |(low, high): (f32, f32)| {
+            let cell = |t: f32| (t * CELLS as f32).floor();
+            let (first, last) = (cell(low), cell(high));
+            // NaN fails this too, and means all.
+            if last - first < CELLS as f32 - 1.0 {
+                let first = first.rem_euclid(CELLS as f32) as usize;
+                (first, (cell(high) - cell(low)) as usize + 1)
+            } else {
+                (0, CELLS)
+            }
+        };
+        let (column, columns) = cells(across);
+        let (row, rows) = cells(down);
+        let bits = if columns == CELLS {
+            u64::MAX
+        } else {
+            ((1 << columns) - 1u64).rotate_left(column as u32)
+        };
+        for y in row..row + rows {
+            self.0[y % CELLS] |= bits;
+        }
+    }
+
+    /// The cells that fetches for some fragments may reach.
+    fn seen(map: &AnisoMap, fragments: &Fragments, mips: bool) -> Self {
+        let size = Vec2::new(map.width() as f32, map.height() as f32);
+        let wrap = map.wrap();
+        let mut cells = Self::default();
+        for i in 0..fragments.len() {
+            let uv = fragments.uv(i);
+            let texels = if mips {
+                reach(fragments.uv_change(i).map(|d| d * size))
+            } else {
+                PLAIN_REACH
+            };
+            let around = |at: f32, side: f32, repeats: bool| {
+                let (low, high) = (at - texels / side, at + texels / side);
+                if repeats {
+                    (low, high)
+                } else {
+                    // The last texels go on for ever.
+                    (low.clamp(0.0, 1.0), high.clamp(0.0, 1.0))
+                }
+            };
+            let across = around(uv.x, size.x, wrap.repeats_u());
+            let down = around(1.0 - uv.y, size.y, wrap.repeats_v());
+            if !(across.0 + across.1 + down.0 + down.1).is_finite() {
+                return Self::ALL;
+            }
+            cells.add(across, down);
+        }
+        cells
+    }
+}
+
+/// Texels that a fetch between four texels may be away from its place.
+const PLAIN_REACH: f32 = 1.5;
+
+/// Texels that [`Pyramid::sample`](crate::filter::Pyramid::sample) may reach from its place, for steps to the right and
+/// downward in texels: half its long side, and three texels of the coarser of its two levels, each of which is under four
+/// times its short side wide.
+fn reach([dx, dy]: [Vec2; 2]) -> f32 {
+    let long = (dx.length_squared() + dy.length_squared()).sqrt();
+    // The long side of the ellipse is at least 1/sqrt 2 of this.
+    let short = std::f32::consts::SQRT_2 * dx.perp_dot(dy).abs() / long;
+    let width = short.max(long / 8.0).max(1.0);
+    (0.5 * long + 6.5 * width).max(PLAIN_REACH)
+}

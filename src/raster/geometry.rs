@@ -1,0 +1,113 @@
+//! A mesh made ready to be drawn again and again: what does not depend on the camera.
+
+use crate::error::{Error, Result};
+use crate::mesh::Mesh;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A mesh with its attributes in the order in which they are interpolated.
+#[derive(Clone, Debug)]
+pub struct Geometry<'a> {
+    mesh: &'a Mesh,
+    id: u64,
+    pub(super) rows: Vec<Row>,
+    /// Whether each triangle winds counter-clockwise as seen from the side that its normals call outside.
+    pub(super) as_wound: Vec<bool>,
+}
+
+impl<'a> Geometry<'a> {
+    /// Checks that the mesh's arrays fit together, so that drawing need not.
+    ///
+    /// # Errors
+    /// When there are not as many normals, tangents and uvs as positions, or a triangle names a vertex that is not there.
+    pub fn new(mesh: &'a Mesh) -> Result<Self> {
+        check(mesh)?;
+        let vertices = (0..mesh.positions.len()).into_par_iter().with_min_len(4096);
+        let triangles = mesh.triangles.par_iter().with_min_len(4096);
+        static NEXT: AtomicU64 = AtomicU64::new(0);
+        Ok(Self {
+            mesh,
+            id: NEXT.fetch_add(1, Ordering::Relaxed),
+            rows: vertices.map(|i| Row::new(mesh, i)).collect(),
+            as_wound: triangles.map(|t| outward(mesh, *t).as_wound).collect(),
+        })
+    }
+
+    /// A number that no other geometry of this process has.
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &'a Mesh {
+        self.mesh
+    }
+}
+
+fn check(mesh: &Mesh) -> Result<()> {
+    let n = mesh.positions.len();
+    let others = [mesh.normals.len(), mesh.tangents.len(), mesh.uvs.len()];
+    if others.iter().any(|&m| m != n) {
+        let allowed = "allowed: as many normals, tangents and uvs as positions";
+        return Err(Error::invalid(format!("mesh `{}`", mesh.name), n, allowed));
+    }
+    let outside = |t: &&[u32; 3]| t.iter().any(|&i| i as usize >= n);
+    match mesh.triangles.iter().find(outside) {
+        Some(t) => Err(Error::invalid(
+            format!("a triangle of mesh `{}`", mesh.name),
+            format!("{t:?}"),
+            format!("allowed: vertex indices below {n}"),
+        )),
+        None => Ok(()),
+    }
+}
+
+/// What is interpolated over a triangle: normal, u, tangent, v.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Row(pub(super) [f32; 8]);
+
+impl Row {
+    fn new(mesh: &Mesh, vertex: usize) -> Self {
+        let (n, t, uv) = (
+            mesh.normals[vertex],
+            mesh.tangents[vertex],
+            mesh.uvs[vertex],
+        );
+        Self([n.x, n.y, n.z, uv.x, t.x, t.y, t.z, uv.y])
+    }
+
+    pub(super) fn normal(&self) -> Vec3 {
+        Vec3::new(self.0[0], self.0[1], self.0[2])
+    }
+
+    /// A weighted sum.
+    #[inline(always)]
+    pub(super) fn mix(rows: [&Self; 3], weights: [f64; 3]) -> Self {
+        let w = weights.map(|w| w as f32);
+        let mut row = [0.0; 8];
+        for i in 0..8 {
+            row[i] = rows[0].0[i] * w[0] + rows[1].0[i] * w[1] + rows[2].0[i] * w[2];
+        }
+        Self(row)
+    }
+}
+
+/// The side of a triangle that the vertex normals call outside.
+pub(super) struct Outward {
+    /// Of any length; zero for a triangle without area.
+    pub(super) normal: Vec3,
+    /// Whether the triangle winds counter-clockwise seen from there.
+    pub(super) as_wound: bool,
+}
+
+pub(super) fn outward(mesh: &Mesh, triangle: [u32; 3]) -> Outward {
+    let [a, b, c] = triangle.map(|i| mesh.positions[i as usize]);
+    let normals: Vec3 = triangle.map(|i| mesh.normals[i as usize]).into_iter().sum();
+    let face = (b - a).cross(c - a);
+    let as_wound = face.dot(normals) >= 0.0;
+    Outward {
+        normal: if as_wound { face } else { -face },
+        as_wound,
+    }
+}
