@@ -1,15 +1,18 @@
-//! What a map is like: its statistics, what is wrong with it, and how far it is from another.
+//! What a map is like: its statistics, what is wrong with it, and how far it is from another; and how far apart two pictures
+//! are to the eye.
 //!
 //! Every pass runs over stretches of a fixed number of texels on all cores and combines them in order, with sums in f64 or in
 //! whole numbers, so the same map gives the same answer on any number of threads.
 
 mod compare;
 mod field;
+mod flip;
 mod histogram;
 mod lint;
 mod statistics;
 
 pub use compare::{AngleErrors, Comparison, Errors, WidthErrors, compare};
+pub use flip::{Flip, PIXELS_PER_DEGREE};
 pub use lint::{Finding, Severity, lint};
 pub use statistics::{Directions, Spread, Statistics};
 
