@@ -299,7 +299,7 @@ fn times(m: &[[f32; 3]; 3], [a, b, c]: [f32; 3]) -> [f32; 3] {
 
 /// What a display shows of light; NaN is black.
 #[inline(always)]
-fn displayed(c: f32) -> f32 {
+pub(super) fn displayed(c: f32) -> f32 {
     let c = if c > 0.0 { c } else { 0.0 };
     if c < 1.0 { c } else { 1.0 }
 }

@@ -4,6 +4,7 @@
 //! Every pass runs over stretches of a fixed number of texels on all cores and combines them in order, with sums in f64 or in
 //! whole numbers, so the same map gives the same answer on any number of threads.
 
+mod colour;
 mod compare;
 mod field;
 mod flip;
@@ -11,6 +12,7 @@ mod histogram;
 mod lint;
 mod statistics;
 
+pub use colour::ColourDifference;
 pub use compare::{AngleErrors, Comparison, Errors, WidthErrors, compare};
 pub use flip::{Flip, PIXELS_PER_DEGREE};
 pub use lint::{Finding, Severity, lint};
