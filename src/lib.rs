@@ -29,4 +29,6 @@ pub mod export;
 
 pub mod analyse;
 
+pub mod chart;
+
 pub use error::{Error, Result};

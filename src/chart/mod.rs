@@ -1,0 +1,3 @@
+//! Methods timed and measured on the machine at hand: what each costs, and how far its result is from the truth.
+
+mod svg;
