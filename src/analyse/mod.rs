@@ -9,6 +9,7 @@ mod compare;
 mod field;
 mod flip;
 mod histogram;
+pub mod limits;
 mod lint;
 mod statistics;
 

@@ -1,0 +1,383 @@
+//! Rows 1 to 8, 20 and 21: the formulas of light.
+
+use super::{Evidence, bad, relative, worst};
+use crate::brdf::kernel::{self, Batch};
+use crate::brdf::{self, Model};
+use crate::error::Result;
+use crate::map::Texel;
+use crate::math::{self, Axis};
+use glam::{DVec2, DVec3, Vec2, Vec3};
+use std::f32::consts::PI;
+
+/// Every model with a highlight.
+pub(super) const SPECULAR: [Model; 8] = [
+    Model::Ward,
+    Model::WardExact,
+    Model::WardDuer,
+    Model::WardBounded,
+    Model::Beckmann,
+    Model::Ggx,
+    Model::Phong,
+    Model::BlinnPhong,
+];
+
+/// The unit vector at `degrees` from the normal and `azimuth` radians from the tangent.
+pub(super) fn direction(degrees: f64, azimuth: f64) -> DVec3 {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    DVec3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos)
+}
+
+/// The light that `v` mirrors at the half vector of this slope; none where it would stand under the surface.
+pub(super) fn mirrored(v: DVec3, slope: DVec2) -> Option<DVec3> {
+    let h = slope.extend(1.0).normalize();
+    let l = 2.0 * v.dot(h) * h - v;
+    (l.z > 0.0).then_some(l)
+}
+
+/// Views from the normal to 80 degrees, and for each the lights up to `widths` widths off its mirror direction, in the
+/// texel's axes.
+pub(super) fn lobe_pairs(alpha: DVec2, widths: f64) -> Vec<(Vec3, Vec3)> {
+    let mut pairs = Vec::new();
+    for theta in [0.0, 30.0, 60.0, 80.0] {
+        for (turn, step) in (0..7 * 32).map(|i| (i / 7, i % 7)) {
+            let azimuth = 0.01 + f64::from(turn) * std::f64::consts::PI / 16.0;
+            let v = direction(theta, 0.7 * azimuth);
+            let reach = widths * f64::from(step) / 6.0;
+            let slope = DVec2::new(azimuth.cos(), azimuth.sin()) * reach * alpha;
+            pairs.extend(mirrored(v, slope).map(|l| (l.as_vec3(), v.as_vec3())));
+        }
+    }
+    pairs
+}
+
+/// What the vectorised loop of a model makes of pixels of one texel.
+pub(super) fn through_kernel(model: Model, pairs: &[(Vec3, Vec3)], texel: Texel) -> Vec<f32> {
+    let lane =
+        |component: fn(&(Vec3, Vec3)) -> f32| pairs.iter().map(component).collect::<Vec<_>>();
+    let light = [lane(|p| p.0.x), lane(|p| p.0.y), lane(|p| p.0.z)];
+    let view = [lane(|p| p.1.x), lane(|p| p.1.y), lane(|p| p.1.z)];
+    let Texel {
+        alpha_x,
+        alpha_y,
+        axis,
+    } = texel;
+    let lobe =
+        kernel::prepare(alpha_x, alpha_y, axis.cos2, axis.sin2).map(|x| vec![x; pairs.len()]);
+    let batch = Batch {
+        light: light.each_ref().map(Vec::as_slice),
+        view: view.each_ref().map(Vec::as_slice),
+        lobe: lobe.each_ref().map(Vec::as_slice),
+    };
+    let mut out = vec![f32::NAN; pairs.len()];
+    kernel::shade(math::level(), model, &batch, &mut out);
+    out
+}
+
+/// The f64 form at the very numbers that the f32 form is given.
+pub(super) fn truth(model: Model, (l, v): (Vec3, Vec3), alpha: Vec2) -> f64 {
+    brdf::shade_f64(model, l.as_dvec3(), v.as_dvec3(), alpha.as_dvec2())
+}
+
+fn along_u(alpha: Vec2) -> Texel {
+    Texel {
+        alpha_x: alpha.x,
+        alpha_y: alpha.y,
+        axis: Axis::U,
+    }
+}
+
+/// How many values of the bare formula times n.l, and how many of the two that light pictures, are no light.
+fn bad_light(models: &[Model], cases: &[(Vec3, Vec3, Vec2)]) -> Evidence {
+    let mut evidence = Evidence::NONE;
+    for &model in models {
+        for &(l, v, alpha) in cases {
+            evidence.naive += f64::from(bad(brdf::evaluate(model, l, v, alpha) * l.z));
+            evidence.ours += f64::from(bad(brdf::shade(model, l, v, alpha)));
+            let vectorised = through_kernel(model, &[(l, v)], along_u(alpha));
+            evidence.ours += f64::from(bad(vectorised[0]));
+        }
+    }
+    evidence
+}
+
+/// Row 1. The naive form is the textbook's: angles from acos and atan2, then tan².
+pub(super) fn near_the_normal() -> Result<Evidence> {
+    let naive = |(l, v): (Vec3, Vec3), alpha: Vec2| {
+        let h = (l + v).normalize();
+        let (tan, (sin, cos)) = (h.z.acos().tan(), h.y.atan2(h.x).sin_cos());
+        let k = tan * tan * ((cos / alpha.x).powi(2) + (sin / alpha.y).powi(2));
+        (-k).exp() / (4.0 * PI * alpha.x * alpha.y * (l.z * v.z).sqrt()) * l.z
+    };
+    let mut evidence = Evidence::NONE;
+    for alpha in [0.1, 0.02, 0.01, 0.003, 0.001] {
+        let alpha = Vec2::splat(alpha);
+        for pair in lobe_pairs(alpha.as_dvec2(), 3.0) {
+            let want = truth(Model::WardExact, pair, alpha);
+            worst(&mut evidence.naive, relative(naive(pair, alpha), want));
+            for model in SPECULAR {
+                let got = brdf::shade(model, pair.0, pair.1, alpha);
+                worst(&mut evidence.ours, relative(got, truth(model, pair, alpha)));
+            }
+        }
+    }
+    Ok(evidence)
+}
+
+/// Row 2. Light and viewer sink to the horizon and through it, together, apart, and opposite.
+pub(super) fn at_the_horizon() -> Result<Evidence> {
+    let cosines = [
+        0.0, 1e-45, 1e-40, 1e-38, 1e-30, 1e-26, 1e-20, 1e-10, 1e-5, 1e-3, 0.1, 1.0,
+    ];
+    let low = |z: f32, x: f32| Vec3::new(x * (1.0 - z * z).sqrt(), 0.0, z);
+    let mut cases = Vec::new();
+    for nl in cosines {
+        for nv in cosines {
+            for x in [1.0, -1.0] {
+                cases.push((low(nl, 1.0), low(nv, x), Vec2::new(0.1, 0.4)));
+            }
+        }
+    }
+    Ok(bad_light(&SPECULAR, &cases))
+}
+
+/// Row 3. A sphere whose shading normals lean 30 degrees, lit from above the viewer.
+pub(super) fn bent_normals() -> Result<Evidence> {
+    let mut cases = Vec::new();
+    for i in 0..400 {
+        let turn = f64::from(i) * 0.61;
+        let normal = direction(89.9 * f64::from(i) / 400.0, turn);
+        let shading = (normal + 0.577 * direction(90.0, 1.7 * turn)).normalize();
+        let Some((frame, _)) = math::Frame::new(shading.as_vec3(), glam::Vec4::X) else {
+            continue;
+        };
+        let light = Vec3::new(0.3, 0.8, 0.5).normalize();
+        cases.push((
+            frame.to_local(light),
+            frame.to_local(Vec3::Z),
+            Vec2::new(0.1, 0.3),
+        ));
+    }
+    Ok(bad_light(&SPECULAR, &cases))
+}
+
+/// Row 4. The naive form normalises H.
+pub(super) fn opposite_directions() -> Result<Evidence> {
+    let naive = |l: Vec3, v: Vec3, alpha: Vec2| {
+        let h = (l + v).normalize();
+        let k = 2.0 * ((h.x / alpha.x).powi(2) + (h.y / alpha.y).powi(2)) / (1.0 + h.z);
+        (-k).exp() * l.z
+    };
+    let mut evidence = Evidence::NONE;
+    for i in 0..64u16 {
+        let azimuth = f64::from(i) * 0.1;
+        let tilt = [0.0, 1e-30, 1e-12, 0.3][usize::from(i % 4)];
+        let l = direction(90.0, azimuth).as_vec3().with_z(tilt).normalize();
+        let alpha = Vec2::new(0.05, 0.5);
+        evidence.naive += f64::from(bad(naive(l, -l, alpha)));
+        for v in [-l, Vec3::new(-l.x, -l.y, l.z)] {
+            evidence.ours += bad_light(&SPECULAR, &[(l, v, alpha)]).ours;
+        }
+    }
+    Ok(evidence)
+}
+
+/// Row 5. H itself sinks to the horizon, and the bounded form divides by its height to the fourth power.
+pub(super) fn grazing_half_vector() -> Result<Evidence> {
+    let mut cases = Vec::new();
+    for exponent in 4..40 {
+        let z = 0.5 * 10f32.powi(-exponent);
+        let l = Vec3::new(1.0, 0.0, z);
+        for v in [Vec3::new(-1.0, 0.0, z), Vec3::new(0.0, 1.0, z), l] {
+            cases.push((l, v, Vec2::new(0.1, 0.4)));
+        }
+    }
+    let naive = |&(l, v, alpha): &(Vec3, Vec3, Vec2)| {
+        let h = l + v;
+        let k = ((h.x / alpha.x).powi(2) + (h.y / alpha.y).powi(2)) / (h.z * h.z);
+        h.length_squared() * (-k).exp() / (PI * alpha.x * alpha.y * h.z.powi(4)) * l.z
+    };
+    let count = cases.iter().filter(|c| bad(naive(c))).count();
+    Ok(Evidence {
+        naive: count as f64,
+        ours: bad_light(&[Model::WardBounded], &cases).ours,
+    })
+}
+
+/// Row 6. Widths that no surface has.
+pub(super) fn extreme_widths() -> Result<Evidence> {
+    let widths = [
+        0.0, -0.0, -1.0, 1e-45, 1e-40, 1e-30, 1e-20, 1e-10, 1e-5, 1e-4, 1e-3, 0.1, 1.0, 10.0, 1e30,
+    ];
+    let tilted = Vec3::new(0.01, 0.02, 1.0).normalize();
+    let mut cases = Vec::new();
+    for ax in widths {
+        for ay in widths {
+            for l in [Vec3::Z, tilted, Vec3::new(0.6, 0.0, 0.8)] {
+                cases.push((l, Vec3::Z, Vec2::new(ax, ay)));
+            }
+        }
+    }
+    Ok(bad_light(&SPECULAR, &cases))
+}
+
+/// Row 7. How much of a lobe's tail is denormal numbers, which processors take a hundred times as long over.
+pub(super) fn underflow() -> Result<Evidence> {
+    let subnormal = |x: f32| f64::from(x.is_subnormal());
+    let mut evidence = Evidence::NONE;
+    let alpha = Vec2::new(0.02, 0.05);
+    for i in 0..1000 {
+        let k = 70.0 + 0.05 * f64::from(i);
+        let slope = DVec2::new(f64::from(alpha.x) * k.sqrt(), 0.0);
+        let v = direction(20.0, 1.0);
+        let Some(l) = mirrored(v, slope) else {
+            continue;
+        };
+        let (l, v) = (l.as_vec3(), v.as_vec3());
+        evidence.naive += subnormal((-(k as f32)).exp());
+        for model in SPECULAR {
+            evidence.ours += subnormal(brdf::shade(model, l, v, alpha));
+            evidence.ours += subnormal(through_kernel(model, &[(l, v)], along_u(alpha))[0]);
+        }
+    }
+    Ok(evidence)
+}
+
+/// Row 8. The naive form keeps the lobe as a matrix of three numbers, R diag(1/alpha²) Rᵀ.
+pub(super) fn extreme_ratios() -> Result<Evidence> {
+    let mut evidence = Evidence::NONE;
+    let widths = [(0.01, 0.1), (0.01, 1.0), (0.001, 0.1), (0.001, 1.0)];
+    for (alpha, turn) in widths
+        .into_iter()
+        .flat_map(|a| (0..8u8).map(move |i| (a, i)))
+    {
+        let texel = Texel {
+            alpha_x: alpha.0,
+            alpha_y: alpha.1,
+            axis: Axis::from_degrees(22.0 * f32::from(turn) + 3.0),
+        };
+        let turned = Turned::new(texel);
+        let local = lobe_pairs(Vec2::from(alpha).as_dvec2(), 2.0);
+        let pairs: Vec<_> = local
+            .iter()
+            .map(|p| (turned.back(p.0), turned.back(p.1)))
+            .collect();
+        let got = through_kernel(Model::WardExact, &pairs, texel);
+        for (&pair, got) in pairs.iter().zip(got) {
+            let want = turned.truth(Model::WardExact, pair);
+            worst(&mut evidence.naive, relative(by_matrix(texel, pair), want));
+            worst(&mut evidence.ours, relative(got, want));
+        }
+    }
+    Ok(evidence)
+}
+
+fn by_matrix(texel: Texel, (l, v): (Vec3, Vec3)) -> f32 {
+    let (c, s) = math::half_angle(texel.axis.cos2, texel.axis.sin2);
+    let (x, y) = (texel.alpha_x.powi(-2), texel.alpha_y.powi(-2));
+    let (m00, m01, m11) = (
+        c * c * x + s * s * y,
+        c * s * (x - y),
+        s * s * x + c * c * y,
+    );
+    let h = l + v;
+    let (p, q) = (h.x / h.z, h.y / h.z);
+    let k = m00 * p * p + 2.0 * m01 * p * q + m11 * q * q;
+    (m00 * m11 - m01 * m01).sqrt() * (-k).exp() * (l.z / v.z).sqrt() / (4.0 * PI)
+}
+
+/// A texel's axes in f64, from its own f32 numbers.
+pub(crate) struct Turned {
+    c: f64,
+    s: f64,
+    alpha: DVec2,
+}
+
+impl Turned {
+    pub(crate) fn new(texel: Texel) -> Self {
+        let double = DVec2::new(texel.axis.cos2.into(), texel.axis.sin2.into());
+        let (s, c) = (0.5 * double.y.atan2(double.x)).sin_cos();
+        Self {
+            c,
+            s,
+            alpha: DVec2::new(texel.alpha_x.into(), texel.alpha_y.into()),
+        }
+    }
+
+    /// From the texel's axes to the surface's, rounded to f32.
+    pub(crate) fn back(&self, w: Vec3) -> Vec3 {
+        let w = w.as_dvec3();
+        DVec3::new(
+            self.c * w.x - self.s * w.y,
+            self.s * w.x + self.c * w.y,
+            w.z,
+        )
+        .as_vec3()
+    }
+
+    /// From the surface's axes to the texel's.
+    fn to(&self, w: Vec3) -> DVec3 {
+        let w = w.as_dvec3();
+        DVec3::new(
+            self.c * w.x + self.s * w.y,
+            self.c * w.y - self.s * w.x,
+            w.z,
+        )
+    }
+
+    /// The f64 form at the very numbers that the vectorised loop is given.
+    pub(crate) fn truth(&self, model: Model, (l, v): (Vec3, Vec3)) -> f64 {
+        brdf::shade_f64(model, self.to(l), self.to(v), self.alpha)
+    }
+}
+
+/// Row 20. h.n to a power: Ashikhmin and Shirley's exponent (nu hx² + nv hy²)/(1 - hz²) is 0/0 at the peak, and hz holds
+/// nothing but its rounding near it. Ours is what the program has of the kind, Blinn-Phong.
+pub(super) fn power_of_the_half_vector() -> Result<Evidence> {
+    let mut evidence = Evidence::NONE;
+    for alpha in [0.1, 0.01, 0.001] {
+        let alpha = Vec2::splat(alpha);
+        for pair in lobe_pairs(alpha.as_dvec2(), 3.0) {
+            let h = (pair.0 + pair.1).normalize();
+            let n = 2.0 / (alpha * alpha) - 2.0;
+            let exponent = (n.x * h.x * h.x + n.y * h.y * h.y) / (1.0 - h.z * h.z);
+            let naive = (exponent * h.z.ln()).exp();
+            let want = power_f64((pair.0 + pair.1).as_dvec3(), n.as_dvec2());
+            worst(&mut evidence.naive, relative(naive, want));
+            let ours = brdf::shade(Model::BlinnPhong, pair.0, pair.1, alpha);
+            worst(
+                &mut evidence.ours,
+                relative(ours, truth(Model::BlinnPhong, pair, alpha)),
+            );
+        }
+    }
+    Ok(evidence)
+}
+
+/// hz^((nu hx² + nv hy²)/(1 - hz²)) for H of any length, in the form that has a limit: with t = tan², ln hz = -ln(1 + t)/2 and
+/// 1 - hz² = t/(1 + t), so the exponent of e is -(nu hx² + nv hy²)/Hz² · ln(1 + t)/(2 t), whose last factor is 1/2 at t = 0.
+pub(super) fn power_f64(h: DVec3, n: DVec2) -> f64 {
+    let t = (h.x * h.x + h.y * h.y) / (h.z * h.z);
+    let share = if t > 0.0 { t.ln_1p() / t } else { 1.0 };
+    (-0.5 * share * (n.x * h.x * h.x + n.y * h.y * h.y) / (h.z * h.z)).exp()
+}
+
+/// Row 21. The glTF sample viewer clamps V = G/(4 n.l n.v) to 1.
+pub(super) fn clamped_visibility() -> Result<Evidence> {
+    let alpha = Vec2::splat(0.1);
+    let mut evidence = Evidence::NONE;
+    for degrees in [0.0, 45.0, 60.0, 65.0, 75.0, 85.0] {
+        let v = direction(degrees, 0.0).as_vec3();
+        let l = Vec3::new(-v.x, v.y, v.z);
+        let want = truth(Model::Ggx, (l, v), alpha);
+        // At the mirror direction D is 1/(pi alpha²) whatever the angle.
+        let distribution = 1.0 / (PI * alpha.x * alpha.y);
+        let visibility = brdf::evaluate(Model::Ggx, l, v, alpha) / distribution;
+        let naive = distribution * visibility.min(1.0) * l.z;
+        worst(&mut evidence.naive, relative(naive, want));
+        worst(
+            &mut evidence.ours,
+            relative(brdf::shade(Model::Ggx, l, v, alpha), want),
+        );
+    }
+    Ok(evidence)
+}
