@@ -412,6 +412,35 @@ fn inspect_ends_with_1_when_something_is_wrong() {
 }
 
 #[test]
+fn inspect_warns_of_a_material_that_gives_back_more_light_than_it_gets() {
+    let desk = Desk::new();
+    desk.write(
+        "bright.toml",
+        "version = 1\nsize = 16\n[material]\ndiffuse = [0.2, 0.2, 0.2]\nspecular = [0.8, 0.8, 0.8]\n\
+         [[layers]]\nconstant = { alpha_x = 0.5, alpha_y = 1.0 }\n",
+    );
+    let energy = |input: &str| -> Option<Value> {
+        let report = desk.json(&format!("inspect {input} --json"));
+        let findings = report["findings"].as_array().expect("a list").clone();
+        findings.into_iter().find(|f| f["code"] == "energy")
+    };
+    let found = energy("bright.toml").expect("a finding");
+    assert_eq!(
+        (&found["severity"], &found["count"]),
+        (&"warning".into(), &256.into())
+    );
+    assert!(
+        found["message"].as_str().expect("text").contains("1.27"),
+        "{found}"
+    );
+    // What is written beside the map tells the map's own colours; a model that is bounded does not glow.
+    desk.works("generate bright.toml -o maps --formats exr");
+    assert!(energy("maps/bright.exr").is_some());
+    assert!(energy("bright.toml --set scene.models=['ward-bounded']").is_none());
+    assert!(energy("pot --size 32").is_none());
+}
+
+#[test]
 fn bad_words_on_the_command_line_are_refused_with_the_nearest() {
     let desk = Desk::new();
     desk.fails("", 2, &["Usage: anisomap"]);

@@ -1,10 +1,11 @@
 //! The reflection models against 50-digit values and against albedos; see `tests/reference/README.md`.
 
+use anisomap::analyse::Albedo;
 use anisomap::brdf::{Model, evaluate, evaluate_f64};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 const VALUES: &str = include_str!("reference/ward_reference.csv");
 const ALBEDOS: &str = include_str!("reference/albedo.csv");
@@ -163,69 +164,6 @@ fn f32_forms_meet_the_reference() {
     assert_eq!((by_value, below, steps), (2079, 316, 3));
 }
 
-/// Nodes and weights of Gauss-Legendre quadrature on [0, 1], by Newton's method on the Legendre polynomial.
-fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
-    (0..n)
-        .map(|i| {
-            let mut x = (PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
-            let mut slope = 1.0;
-            for _ in 0..100 {
-                let (mut p0, mut p1) = (1.0, x);
-                for k in 2..=n {
-                    let k = k as f64;
-                    (p0, p1) = (p1, ((2.0 * k - 1.0) * x * p1 - (k - 1.0) * p0) / k);
-                }
-                slope = n as f64 * (x * p1 - p0) / (x * x - 1.0);
-                x -= p1 / slope;
-            }
-            (0.5 * (1.0 + x), 1.0 / ((1.0 - x * x) * slope * slope))
-        })
-        .collect()
-}
-
-/// The integral of f_r n.l over all l above the surface, over half-vector slopes (p, q) = (alpha_x r cos a, alpha_y r sin a).
-///
-/// l is above the surface inside the circle |s - t|² < 1 + |t|², t the slope of v, which holds the origin: per azimuth one
-/// stretch of r from 0. It is walked in asinh r, for the long tails, squared at the far end, where f_r n.l may fall as a root.
-fn albedo(model: Model, v: DVec3, alpha: DVec2, azimuths: usize, nodes: &[(f64, f64)]) -> f64 {
-    let t = v.truncate() / v.z;
-    (0..azimuths)
-        .map(|i| {
-            let (sin, cos) = (TAU * (i as f64 + 0.5) / azimuths as f64).sin_cos();
-            let unit = DVec2::new(alpha.x * cos, alpha.y * sin);
-            // The positive root of |unit|² r² - 2 (unit.t) r - 1 = 0.
-            let (a, b) = (unit.length_squared(), unit.dot(t));
-            let root = (b * b + a).sqrt();
-            let reach = if b > 0.0 {
-                (b + root) / a
-            } else {
-                1.0 / (root - b)
-            };
-            let end = reach.asinh();
-            nodes
-                .iter()
-                .map(|&(x, weight)| {
-                    let w = end * x * (2.0 - x);
-                    let dw = 2.0 * end * (1.0 - x) * weight;
-                    let r = w.sinh();
-                    let s = unit * r;
-                    let h = s.extend(1.0).normalize();
-                    let cosine = v.dot(h);
-                    let l = 2.0 * cosine * h - v;
-                    if l.z <= 0.0 {
-                        return 0.0; // the rounding of the far end
-                    }
-                    // dl = 4 (v.h) dh, dh = hz³ dp dq, dp dq = alpha_x alpha_y r dr da, dr = cosh w dw.
-                    let measure = 4.0 * cosine * h.z.powi(3) * alpha.x * alpha.y * r * w.cosh();
-                    evaluate_f64(model, l, v, alpha) * l.z * measure * dw
-                })
-                .sum::<f64>()
-        })
-        .sum::<f64>()
-        * TAU
-        / azimuths as f64
-}
-
 /// The viewer of an albedo row.
 fn viewer(theta_degrees: f64, phi_degrees: f64) -> DVec3 {
     let (sin_theta, cos_theta) = theta_degrees.to_radians().sin_cos();
@@ -236,13 +174,13 @@ fn viewer(theta_degrees: f64, phi_degrees: f64) -> DVec3 {
 #[test]
 fn albedos_meet_the_reference() {
     assert_eq!(rows(ALBEDOS).len(), 1782);
-    let nodes = gauss_legendre(64);
+    let albedo = Albedo::fine();
     let checked: Vec<_> = rows(ALBEDOS)
         .par_iter()
         .filter_map(|(name, n)| {
             let model = model(name)?;
             let (v, alpha) = (viewer(n[0], n[1]), DVec2::new(n[2], n[3]));
-            let got = albedo(model, v, alpha, 768, &nodes);
+            let got = albedo.of(model, v, alpha);
             // A Phong lobe of n = 0 is 1/pi where r.v > 0. The table takes 0^0 as 1 and so counts the rest as well: Lambert's
             // albedo. The part in front of the mirrored direction has a closed form, and a crease that the quadrature feels.
             let (want, tolerance) = if model == Model::Phong && alpha.x >= 1.0 {

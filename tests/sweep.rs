@@ -67,7 +67,7 @@ fn input(i: usize) -> [f32; 10] {
     for (k, x) in n.iter_mut().enumerate() {
         *x = number(bits(10 * i as u64 + k as u64));
     }
-    if i % 2 == 0 {
+    if i.is_multiple_of(2) {
         let unit = |k: u64| (bits(!(10 * i as u64 + k)) >> 40) as f32 / 16_777_216.0;
         let strange = (bits(!(i as u64)) % 40) as usize;
         let kept = n.get(strange).copied();
@@ -163,7 +163,7 @@ fn no_input_whatever_gives_a_bad_value_in_f64() {
         // Some of them past f32.
         let scale = [1.0, 1e-300, 1e300, 1.0][i % 4];
         let n = input(i).map(|x| {
-            if i % 3 == 0 {
+            if i.is_multiple_of(3) {
                 f64::from(x) * scale
             } else {
                 x.into()

@@ -128,7 +128,7 @@ fn mended_findings(mended: Mended) -> Vec<Finding> {
     .collect()
 }
 
-fn texels(count: u64) -> String {
+pub(super) fn texels(count: u64) -> String {
     match count {
         1 => "1 texel".to_owned(),
         n => format!("{n} texels"),

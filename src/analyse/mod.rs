@@ -4,6 +4,7 @@
 //! Every pass runs over stretches of a fixed number of texels on all cores and combines them in order, with sums in f64 or in
 //! whole numbers, so the same map gives the same answer on any number of threads.
 
+mod albedo;
 mod colour;
 mod compare;
 mod field;
@@ -13,6 +14,7 @@ pub mod limits;
 mod lint;
 mod statistics;
 
+pub use albedo::{ALBEDO_DEGREES_MAX, Albedo, largest_albedo, lint_energy};
 pub use colour::ColourDifference;
 pub use compare::{AngleErrors, Comparison, Errors, WidthErrors, compare};
 pub use flip::{Flip, PIXELS_PER_DEGREE};

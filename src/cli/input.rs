@@ -139,8 +139,13 @@ impl Source {
         })
     }
 
-    /// The colours of the recipe, or those that the map was made with.
+    /// The colours of the recipe, or those that the map was made with; stock ones where neither is known.
     pub(super) fn material(&self) -> Material {
+        self.known_material().unwrap_or_default()
+    }
+
+    /// The colours of the recipe, or those that the map was made with.
+    pub(super) fn known_material(&self) -> Option<Material> {
         let recorded = self.info.material.map(|r| Material {
             diffuse: r.diffuse,
             specular: r.specular,
@@ -148,7 +153,7 @@ impl Source {
         });
         let recorded = recorded.filter(|m| m.check().is_ok());
         let own = self.recipe.as_ref().map(|(file, _)| file.recipe().material);
-        own.or(recorded).unwrap_or_default()
+        own.or(recorded)
     }
 }
 

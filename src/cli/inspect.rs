@@ -1,8 +1,8 @@
 //! `anisomap inspect`
 
 use super::args::InspectArgs;
-use super::{Outcome, Result, console, input};
-use anisomap::analyse::{Directions, Finding, Severity, Spread, Statistics, lint};
+use super::{Outcome, Result, console, input, preview};
+use anisomap::analyse::{Directions, Finding, Severity, Spread, Statistics, lint, lint_energy};
 use serde_json::json;
 use std::fmt::Write;
 
@@ -11,7 +11,9 @@ pub(super) fn run(args: InspectArgs) -> Result {
     let source = input::source(&args.input, &args.recipe_args, args.size)?;
     let statistics = Statistics::of(&source.map);
     console::check_cancelled()?;
-    let findings = lint(&source.map, source.mended);
+    let mut findings = lint(&source.map, source.mended);
+    findings.extend(energy(&source)?);
+    findings.sort_by_key(|f| std::cmp::Reverse(f.severity));
     if args.json {
         console::print_json(&json!({
             "name": source.info.name,
@@ -26,6 +28,15 @@ pub(super) fn run(args: InspectArgs) -> Result {
     }
     let wrong = findings.iter().any(|f| f.severity == Severity::Error);
     Ok(if wrong { Outcome::Wrong } else { Outcome::Fine })
+}
+
+/// Whether the material gives back more than it gets, with the models that the recipe is shown in, or else the default one.
+fn energy(source: &input::Source) -> Result<Vec<Finding>> {
+    let recipe = source.recipe.as_ref().map(|(file, _)| file.recipe());
+    let looks = preview::looks(&[], recipe)?;
+    let models: Vec<_> = looks.iter().map(|l| l.model).collect();
+    let material = source.known_material();
+    Ok(lint_energy(&source.map, material.as_ref(), &models))
 }
 
 fn report(name: &str, s: &Statistics, findings: &[Finding]) -> String {

@@ -155,7 +155,7 @@ fn worst(to: &mut f64, x: f64) {
 
 /// Whether a number is no amount of light.
 fn bad(x: f32) -> bool {
-    !(x >= 0.0 && x < f32::INFINITY)
+    !(0.0..f32::INFINITY).contains(&x)
 }
 
 /// Every failure mode: 1 to 21 of shading, texels and frames, 22 to 24 of the rasteriser.

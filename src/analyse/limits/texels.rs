@@ -247,7 +247,7 @@ pub(super) fn minified() -> Result<Evidence> {
     })?;
     let texels = map.size().texels();
     let all = || (0..texels).map(|i| map.texel_at(i));
-    let want = all().map(|t| variance_along_u(t)).sum::<f64>() / texels as f64;
+    let want = all().map(variance_along_u).sum::<f64>() / texels as f64;
     let double = all().map(|t| t.axis.double_angle()).sum::<Vec2>();
     let naive = Axis::from_double_angle(double / texels as f32).map_or(f64::INFINITY, |axis| {
         variance_along_u(Texel {
