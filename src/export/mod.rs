@@ -2,6 +2,7 @@
 //!
 //! Each file appears whole or not at all, and is the same to the byte for any number of threads.
 
+pub mod codes;
 pub mod exr;
 pub mod gltf;
 pub mod png;

@@ -3,9 +3,12 @@
 mod bleed;
 mod comb;
 mod pyramid;
+mod radial;
 mod resize;
 
 pub use bleed::{Surroundings, is_round};
 pub use comb::{Combed, Line, comb};
 pub use pyramid::Pyramid;
+pub use radial::Disc;
+pub(crate) use radial::center_of;
 pub use resize::reduce;

@@ -3,6 +3,7 @@
 //! Files from elsewhere are not trusted: sizes, counts and offsets are checked before anything is allocated or decoded, and
 //! whatever is wrong is an error that names the file and what to do.
 
+pub mod codes;
 pub mod exr;
 pub mod gltf;
 

@@ -150,6 +150,9 @@ fn prepare_layer(
                 mended = laid.mended;
                 Box::new(laid)
             }
+            Source::Stored(stored) => {
+                Box::new(stored.prepare(&format!("layers.{i}.stored"), &own, files)?)
+            }
         },
         mended,
         mask: match &layer.mask {

@@ -163,8 +163,10 @@ impl RecipeFile {
             rename(mesh);
         }
         for layer in &mut moved.recipe.layers {
-            if let Source::Image(image) = &mut layer.source {
-                rename(&mut image.file);
+            match &mut layer.source {
+                Source::Image(image) => rename(&mut image.file),
+                Source::Stored(stored) => stored.files_mut().for_each(rename),
+                Source::Pattern(_) => {}
             }
         }
         update(moved.document.as_table_mut(), &self.recipe, &moved.recipe);
@@ -173,12 +175,13 @@ impl RecipeFile {
 
     /// Whether it names a file outside its own folder, which `--allow-outside` is needed for.
     pub fn names_outside(&self) -> bool {
-        let images = self.recipe.layers.iter().filter_map(|l| match &l.source {
-            Source::Image(image) => Some(image.file.as_str()),
-            Source::Pattern(_) => None,
+        let named = self.recipe.layers.iter().flat_map(|l| match &l.source {
+            Source::Image(image) => vec![&image.file],
+            Source::Stored(stored) => stored.files().collect(),
+            Source::Pattern(_) => vec![],
         });
-        let mesh = self.recipe.mesh.as_deref().filter(|m| is_path(m));
-        images.chain(mesh).any(leaves_folder)
+        let mesh = self.recipe.mesh.as_ref().filter(|m| is_path(m));
+        named.chain(mesh).any(|name| leaves_folder(name))
     }
 
     /// An error about a key of the recipe, told with its file and line; any other as it is.

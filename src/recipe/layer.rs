@@ -3,7 +3,7 @@
 //! A layer is a table of plain keys and one table more, named after its source: `[layers.brushed]`. Serde has no derive
 //! for "these keys, or the name of a variant" that keeps the place of a mistake in the file, so the reading is by hand.
 
-use super::{Image, check_seed, number};
+use super::{Image, Stored, check_seed, number};
 use crate::coverage::Outline;
 use crate::error::{Error, Result};
 use crate::map::Size;
@@ -50,6 +50,8 @@ pub enum Source {
     Pattern(Pattern),
     /// A finished map from a file.
     Image(Image),
+    /// A reduced map.
+    Stored(Stored),
 }
 
 impl Source {
@@ -58,6 +60,7 @@ impl Source {
         match self {
             Self::Pattern(p) => p.name(),
             Self::Image(_) => "image",
+            Self::Stored(_) => "stored",
         }
     }
 }
@@ -67,6 +70,7 @@ impl Serialize for Source {
         match self {
             Self::Pattern(p) => p.serialize(serializer),
             Self::Image(i) => serializer.serialize_newtype_variant("Source", 1, "image", i),
+            Self::Stored(s) => serializer.serialize_newtype_variant("Source", 2, "stored", s),
         }
     }
 }
@@ -240,6 +244,7 @@ impl Layer {
         }
         match &self.source {
             Source::Pattern(p) => p.validate().map_err(below(format!("{at}.{}", p.name()))),
+            Source::Stored(s) => s.check().map_err(below(format!("{at}.stored"))),
             Source::Image(_) => Ok(()), // whether the file may be read is known when it is
         }
     }
@@ -422,7 +427,7 @@ pub(super) mod size {
 const LAYER_FIELDS: [&str; 7] = [
     "name", "visible", "opacity", "blend", "channels", "seed", "mask",
 ];
-pub(super) const LAYER_SOURCES: [&str; 1] = ["image"];
+pub(super) const LAYER_SOURCES: [&str; 2] = ["image", "stored"];
 const MASK_FIELDS: [&str; 5] = ["invert", "low", "high", "feather", "seed"];
 const MASK_SOURCES: [&str; 2] = ["polygon", "path"];
 
@@ -482,6 +487,7 @@ impl<'de> Visitor<'de> for LayerVisitor {
                     }
                     source = Some(match name {
                         "image" => Source::Image(map.next_value()?),
+                        "stored" => Source::Stored(map.next_value()?),
                         pattern => Source::Pattern(pattern_of(pattern, &mut map)?),
                     });
                 }

@@ -13,6 +13,7 @@ mod image;
 mod layer;
 mod locate;
 mod presets;
+mod stored;
 mod update;
 
 pub use evaluate::Prepared;
@@ -21,6 +22,7 @@ pub use files::{Files, seen_from};
 pub use image::Image;
 pub use layer::{Blend, Channels, Layer, Mask, MaskSource, Source};
 pub use presets::{PRESETS, Preset, open, preset};
+pub use stored::{Radius, Stored};
 
 use crate::brdf::Model;
 use crate::error::{Error, Result, nearest_word};

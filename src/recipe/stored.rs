@@ -1,0 +1,371 @@
+//! A reduced map as a layer's source: stored numbers with what they mean, laid over the whole map.
+//!
+//! What does not change over the surface stands as a number in the recipe, what does lies in a file. A file of one row or one
+//! column is a strip along u or v; with `radial` it is a table from a centre outward.
+
+use super::{Files, number};
+use crate::convention::storage::{
+    AxisEncoding, AxisStorage, Codes, Depth, WidthEncoding, WidthStorage,
+};
+use crate::error::{Error, Result};
+use crate::filter::{Disc, center_of, reduce};
+use crate::import::codes::{Picture, read_codes};
+use crate::map::{ALPHA_MAX, ALPHA_MIN, AnisoMap, DEFAULT_TEXEL, Size, Texel, Wrap};
+use crate::math::Axis;
+use crate::pattern::{Fill, Patch, Surface};
+use glam::Vec2;
+use serde::{Deserialize, Serialize};
+
+/// Widths and axis, each from a PNG or the same everywhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Stored {
+    /// The file of the widths, from the recipe's folder: grey where both are alike, else grey for alpha_x with a second channel
+    /// for alpha_y.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub widths: Option<String>,
+    /// What the codes of the widths are even steps of.
+    pub encoding: WidthEncoding,
+    /// The width of the code 0, from 0; over 0 for `log`.
+    pub low: f32,
+    /// The width of the largest code, over `low`, to 2.
+    pub high: f32,
+    /// alpha_x without a file of widths.
+    pub alpha_x: f32,
+    /// alpha_y without a file of widths.
+    pub alpha_y: f32,
+    /// The file of the axis.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis: Option<String>,
+    /// What the codes of the axis mean: `double` and `vector` have two channels, `angle` one.
+    pub axis_encoding: AxisEncoding,
+    /// The angle of the x axis without a file of axes, in degrees counter-clockwise from +U; with `radial`, from the outward
+    /// direction.
+    pub angle: f32,
+    /// The files are tables from a centre outward.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radial: Option<Radius>,
+}
+
+/// Where a table from a centre outward lies.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Radius {
+    /// The centre in UV units, -10 to 10.
+    pub center: [f32; 2],
+    /// The radius where the table ends, in surface units; 0.0001 to 1000.
+    pub reach: f32,
+}
+
+impl Radius {
+    /// On a surface of this aspect.
+    pub fn disc(&self, aspect: f32) -> Disc {
+        Disc {
+            center: Vec2::from(self.center),
+            reach: self.reach,
+            aspect,
+        }
+    }
+}
+
+impl Default for Stored {
+    fn default() -> Self {
+        Self {
+            widths: None,
+            encoding: WidthEncoding::Log,
+            low: ALPHA_MIN,
+            high: ALPHA_MAX,
+            alpha_x: DEFAULT_TEXEL.alpha_x,
+            alpha_y: DEFAULT_TEXEL.alpha_y,
+            axis: None,
+            axis_encoding: AxisEncoding::Double,
+            angle: 0.0,
+            radial: None,
+        }
+    }
+}
+
+impl Stored {
+    /// The names of its files, to be changed when the recipe moves.
+    pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        self.widths.iter_mut().chain(&mut self.axis)
+    }
+
+    /// The names of its files.
+    pub(super) fn files(&self) -> impl Iterator<Item = &String> {
+        self.widths.iter().chain(&self.axis)
+    }
+
+    /// Names a key of its own table alone.
+    pub(super) fn check(&self) -> Result<()> {
+        number("alpha_x", self.alpha_x, ALPHA_MIN..=ALPHA_MAX)?;
+        number("alpha_y", self.alpha_y, ALPHA_MIN..=ALPHA_MAX)?;
+        number("angle", self.angle, -360.0..=360.0)?;
+        number("low", self.low, 0.0..=2.0)?;
+        number("high", self.high, 0.0..=2.0)?;
+        if !self.width_storage(Depth::U8).is_sound() {
+            let allowed = format!(
+                "allowed: less than `high`, which is {}, and over 0 for the encoding `log`",
+                self.high
+            );
+            return Err(Error::invalid("low", self.low, allowed));
+        }
+        if let Some(radial) = &self.radial {
+            number("radial.center.0", radial.center[0], -10.0..=10.0)?;
+            number("radial.center.1", radial.center[1], -10.0..=10.0)?;
+            number("radial.reach", radial.reach, 1e-4..=1e3)?;
+        }
+        Ok(())
+    }
+
+    fn width_storage(&self, depth: Depth) -> WidthStorage {
+        WidthStorage {
+            depth,
+            encoding: self.encoding,
+            low: self.low,
+            high: self.high,
+        }
+    }
+
+    /// Reads the files, which `at` names as the layer's table, and makes them one map.
+    pub(super) fn prepare(&self, at: &str, surface: &Surface, files: &Files) -> Result<Table> {
+        let read = |key: &str, name: &Option<String>| {
+            name.as_ref().map_or(Ok(None), |name| {
+                let path = files.resolve(&format!("{at}.{key}"), name)?;
+                Ok(Some((read_codes(&path)?, path)))
+            })
+        };
+        let (widths, axis) = (read("widths", &self.widths)?, read("axis", &self.axis)?);
+        if let (Some((a, first)), Some((b, second))) = (&widths, &axis)
+            && a.size != b.size
+        {
+            let problem = format!("it is {}, but {} is {}", b.size, first.display(), a.size);
+            return Err(Error::file(second, problem));
+        }
+        if let Some((picture, path)) = &axis
+            && picture.numbers != self.axis_encoding.numbers()
+        {
+            let problem = format!(
+                "it has {} numbers a texel, but the encoding `{}` takes {}",
+                picture.numbers,
+                self.axis_encoding.name(),
+                self.axis_encoding.numbers()
+            );
+            return Err(Error::file(path, problem));
+        }
+        let (widths, axis) = (widths.map(|w| w.0), axis.map(|a| a.0));
+        let map = |wrap| self.map(widths.as_ref(), axis.as_ref(), wrap);
+        let (map, laid) = match &self.radial {
+            Some(radial) => (map(Wrap::Clamp)?, Laid::Around(radial.disc(surface.aspect))),
+            None => (fitted(map(surface.wrap)?, surface.size)?, Laid::Over),
+        };
+        Ok(Table {
+            map,
+            laid,
+            size: surface.size,
+        })
+    }
+
+    /// The numbers of the files, or the same ones everywhere, as a map of the files' size.
+    fn map(
+        &self,
+        widths: Option<&Picture>,
+        axis: Option<&Picture>,
+        wrap: Wrap,
+    ) -> Result<AnisoMap> {
+        let size = match widths.or(axis) {
+            Some(picture) => picture.size,
+            None => Size::new(1, 1)?,
+        };
+        let constant = Texel {
+            alpha_x: self.alpha_x,
+            alpha_y: self.alpha_y,
+            axis: Axis::from_degrees(self.angle),
+        };
+        let mut map = AnisoMap::constant(size, wrap, constant);
+        let region = map.region_mut();
+        if let Some(picture) = widths {
+            let codec = self.width_storage(depth(&picture.codes)).codec();
+            for i in 0..size.texels() {
+                let at = |n: usize| codec.decode(picture.codes.number(n));
+                let n = picture.numbers;
+                region.alpha_x[i] = at(n * i);
+                region.alpha_y[i] = at(n * i + n - 1);
+            }
+        }
+        if let Some(picture) = axis {
+            let codec = AxisStorage::new(depth(&picture.codes), self.axis_encoding).codec();
+            for i in 0..size.texels() {
+                let n = picture.numbers;
+                let codes = [n * i, n * i + n - 1].map(|j| picture.codes.number(j));
+                (region.cos2[i], region.sin2[i]) = codec.decode(codes);
+            }
+        }
+        Ok(map)
+    }
+}
+
+/// A map that is nowhere larger than the surface's: its texels' mean lobes where it was.
+fn fitted(map: AnisoMap, size: Size) -> Result<AnisoMap> {
+    let kept = Size::new(
+        map.width().min(size.width()),
+        map.height().min(size.height()),
+    )?;
+    if kept == map.size() {
+        Ok(map)
+    } else {
+        reduce(&map, kept)
+    }
+}
+
+fn depth(codes: &Codes) -> Depth {
+    match codes {
+        Codes::U8(_) => Depth::U8,
+        Codes::U16(_) => Depth::U16,
+        Codes::F16(_) => Depth::F16,
+        Codes::F32(_) => Depth::F32,
+    }
+}
+
+/// How the files lie on the surface.
+enum Laid {
+    Over,
+    Around(Disc),
+}
+
+/// A prepared [`Stored`].
+pub(super) struct Table {
+    map: AnisoMap,
+    laid: Laid,
+    size: Size,
+}
+
+impl Fill for Table {
+    fn fill(&self, patch: &mut Patch<'_>) {
+        patch.coverage.fill(1.0);
+        patch.value.fill(1.0);
+        let rect = patch.region.rect;
+        for y in rect.y..rect.y + rect.height {
+            for x in rect.x..rect.x + rect.width {
+                patch.region.set(rect.index(x, y), self.texel(x, y));
+            }
+        }
+    }
+}
+
+impl Table {
+    fn texel(&self, x: u32, y: u32) -> Texel {
+        let (u, v) = center_of(self.size, x, y);
+        match &self.laid {
+            Laid::Around(disc) => disc.texel(&self.map, u, v),
+            Laid::Over if self.size == self.map.size() => self.map.texel(x, y),
+            Laid::Over => self.map.sample(u, v),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::convention::storage::Storage;
+    use image::ColorType;
+
+    #[test]
+    fn numbers_are_held_against_their_ranges() {
+        let check = |change: fn(&mut Stored)| {
+            let mut stored = Stored::default();
+            change(&mut stored);
+            stored.check().map_err(|e| e.to_string())
+        };
+        assert!(check(|_| ()).is_ok());
+        assert!(check(|s| s.low = 0.0).unwrap_err().contains("log"));
+        assert!(check(|s| s.high = f32::NAN).unwrap_err().contains("high"));
+        assert!(check(|s| s.low = 1.6).unwrap_err().contains("less than"));
+        assert!(check(|s| s.alpha_x = 0.0).unwrap_err().contains("alpha_x"));
+        assert!(
+            check(|s| s.radial = Some(Radius {
+                center: [0.5; 2],
+                reach: 0.0
+            }))
+            .is_err()
+        );
+        assert!(
+            check(|s| s.radial = Some(Radius {
+                center: [f32::NAN; 2],
+                reach: 1.0
+            }))
+            .is_err()
+        );
+    }
+
+    fn surface(size: Size) -> Surface {
+        Surface {
+            size,
+            aspect: 1.0,
+            wrap: Wrap::Clamp,
+            seed: 0,
+        }
+    }
+
+    #[test]
+    fn files_and_numbers_become_one_map() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = Files {
+            folder: Some(folder.path().to_owned()),
+            allow_outside: false,
+        };
+        let size = Size::new(6, 1).unwrap();
+        let mut map = AnisoMap::constant(size, Wrap::Clamp, DEFAULT_TEXEL);
+        for i in 0..6 {
+            let texel = Texel {
+                alpha_x: 0.1 + 0.02 * i as f32,
+                alpha_y: 0.4,
+                axis: Axis::from_degrees(30.0 * i as f32),
+            };
+            map.region_mut().set(i, texel);
+        }
+        let storage: Storage = "u16-log/u8-double".parse().unwrap();
+        let packed = storage.pack(&map);
+        let path = |name: &str| folder.path().join(name);
+        let (Codes::U16(widths), Codes::U8(axis)) = (&packed.widths, &packed.axis) else {
+            panic!("{packed:?}");
+        };
+        let save = |name: &str, bytes: &[u8], width, color| {
+            image::save_buffer(path(name), bytes, width, 1, color).unwrap();
+        };
+        save("w.png", bytemuck::cast_slice(widths), 6, ColorType::La16);
+        save("a.png", axis, 6, ColorType::La8);
+        let stored = Stored {
+            widths: Some("w.png".to_owned()),
+            axis: Some("a.png".to_owned()),
+            ..Stored::default()
+        };
+        let table = stored.prepare("at", &surface(size), &files).unwrap();
+        assert_eq!(table.map, storage.quantise(&map));
+        assert_eq!(table.texel(3, 0), table.map.texel(3, 0));
+        let axis_alone = Stored {
+            widths: None,
+            ..stored.clone()
+        };
+        let table = axis_alone.prepare("at", &surface(size), &files).unwrap();
+        assert_eq!(table.texel(2, 0).alpha_x, DEFAULT_TEXEL.alpha_x);
+        let wrong = Stored {
+            axis_encoding: AxisEncoding::Angle,
+            ..stored.clone()
+        };
+        let e = wrong.prepare("at", &surface(size), &files);
+        assert!(e.err().unwrap().to_string().contains("a.png"));
+        save("a.png", &[9; 6], 3, ColorType::La8);
+        let e = stored.prepare("at", &surface(size), &files).err().unwrap();
+        assert!(e.to_string().contains("6x1"), "{e}");
+        let gone = Stored {
+            widths: Some("../w.png".to_owned()),
+            ..Stored::default()
+        };
+        let e = gone
+            .prepare("layers.0.stored", &surface(size), &files)
+            .err()
+            .unwrap();
+        assert!(e.to_string().contains("layers.0.stored.widths"), "{e}");
+    }
+}
