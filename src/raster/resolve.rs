@@ -354,10 +354,10 @@ impl Plane {
         let dx = &self.rows.dx.0;
         let mut start = run.start;
         while start < run.end {
-            let first = column + (start - run.start) as i32;
+            let first = (column + (start - run.start) as i32 - self.from[0]) as f32;
             let mut x = [0.0; WIDE];
             for j in 0..WIDE {
-                x[j] = ((first - self.from[0]) + j as i32) as f32;
+                x[j] = first + j as f32;
             }
             let line = |lane: &mut Lane, base: f32, dx: f32| {
                 let lane = &mut lane[start..start + WIDE];

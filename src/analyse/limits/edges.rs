@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::map::Size;
 use crate::mesh::Mesh;
 use crate::progress::Progress;
-use crate::raster::{Camera, Cull, Fragments, GBuffer, Projection, View};
+use crate::raster::{Camera, Cull, Fragments, GBuffer, Geometry, Projection, View};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// Samples along a side of the little pictures.
@@ -23,17 +23,15 @@ fn drawn(corners: [Vec3; 3], view: &View) -> Result<Vec<bool>> {
         aspect: 1.0,
     };
     let window = view.size().rect();
-    let buffer = GBuffer::draw(&mesh, view, window, Cull::None, &Progress::none())?;
+    let geometry = Geometry::new(&mesh)?;
+    let buffer = GBuffer::draw(&geometry, view, window, Cull::None, &Progress::none())?;
     let mut seen = vec![false; view.size().texels()];
-    let mut fragments = Fragments::default();
-    for (i, tile) in buffer.tiles().iter().enumerate() {
-        buffer.resolve(&mesh, i, false, &mut fragments);
-        for &place in &fragments.place {
-            let (x, y) = (
-                u32::from(place) % tile.rect.width,
-                u32::from(place) / tile.rect.width,
-            );
-            seen[window.index(tile.rect.x + x, tile.rect.y + y)] = true;
+    let mut fragments = Fragments::new();
+    for tile in buffer.tiles() {
+        tile.resolve(&geometry, buffer.corners(), false, &mut fragments);
+        for i in 0..fragments.len() {
+            let (x, y) = fragments.place(i);
+            seen[window.index(x, y)] = true;
         }
     }
     Ok(seen)

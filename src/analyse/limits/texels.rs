@@ -204,7 +204,7 @@ pub(super) fn crossings() -> Result<Evidence> {
     for i in 0..64 * 64u16 {
         let uv = Vec2::new(f32::from(i % 64), f32::from(i / 64)) / 64.0;
         let mut raw = [[0.0f32; 4]];
-        pyramid.fetch_plain(|_| uv, &mut raw);
+        pyramid.fetch_plain(&[uv.x], &[uv.y], &mut raw);
         let [[_, _, cos2, sin2]] = raw;
         let length = (cos2 * cos2 + sin2 * sin2).sqrt();
         let (cos2, sin2) = (cos2 / length, sin2 / length);
