@@ -504,7 +504,7 @@ fn bad_words_on_the_command_line_are_refused_with_the_nearest() {
         &["`wrad`", "Did you mean `ward`?"],
     );
     desk.fails("preview pot -o out.png --light 0,0,0", 2, &["not all 0"]);
-    desk.fails("preview pot -o out.png --samples 9", 2, &["1..=4"]);
+    desk.fails("preview pot -o out.png --samples 9", 2, &["1 to 4"]);
     desk.fails("preview pot -o out.png --difference", 2, &["with two"]);
     desk.fails("preview pot -o out.jpg", 2, &[".png"]);
 }

@@ -11,6 +11,7 @@ use fearless_simd_macros::simd;
 use glam::Vec2;
 use rayon::prelude::*;
 use std::borrow::Cow;
+use std::ops::{Add, Mul};
 
 /// How much longer than wide a footprint may be; a longer one is taken as wider.
 const RATIO_MAX: f32 = 8.0;
@@ -36,7 +37,52 @@ struct Level {
     /// Which texels of the level below each column and each row covers, and how much of each.
     columns: Vec<(usize, Vec<f32>)>,
     rows: Vec<(usize, Vec<f32>)>,
-    texels: Vec<SlopeCovariance>,
+    texels: Vec<Mean>,
+}
+
+/// What is averaged over texels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Mean {
+    covariance: SlopeCovariance,
+    /// 1/(alpha_x alpha_y): how high a lobe is.
+    height: f32,
+}
+
+impl Mean {
+    fn of(texel: Texel) -> Self {
+        Self {
+            covariance: texel.into(),
+            height: 1.0 / (texel.alpha_x * texel.alpha_y),
+        }
+    }
+
+    /// How much higher the mean of the lobes is than the one lobe of their mean covariance: 1 where all are alike.
+    #[inline(always)]
+    fn variety(&self) -> f32 {
+        let SlopeCovariance { uu, uv, vv } = self.covariance;
+        // The product of the widths is twice the root of the determinant.
+        2.0 * (uu * vv - uv * uv).max(0.0).sqrt() * self.height
+    }
+}
+
+impl Add for Mean {
+    type Output = Self;
+    fn add(self, o: Self) -> Self {
+        Self {
+            covariance: self.covariance + o.covariance,
+            height: self.height + o.height,
+        }
+    }
+}
+
+impl Mul<f32> for Mean {
+    type Output = Self;
+    fn mul(self, f: f32) -> Self {
+        Self {
+            covariance: self.covariance * f,
+            height: self.height * f,
+        }
+    }
 }
 
 impl<'a> Pyramid<'a> {
@@ -50,7 +96,7 @@ impl<'a> Pyramid<'a> {
             let mut next = Level::half_of(size);
             let whole = next.size.rect();
             match levels.last() {
-                None => next.fill(whole, size, |i| base.texel_at(i).into()),
+                None => next.fill(whole, size, |i| Mean::of(base.texel_at(i))),
                 Some(level) => next.fill(whole, size, |i| level.texels[i]),
             }
             size = next.size;
@@ -89,7 +135,7 @@ impl<'a> Pyramid<'a> {
             let next = &mut above[0];
             rect = next.above(rect, size);
             match below.last() {
-                None => next.fill(rect, size, |i| self.base.texel_at(i).into()),
+                None => next.fill(rect, size, |i| Mean::of(self.base.texel_at(i))),
                 Some(level) => next.fill(rect, size, |i| level.texels[i]),
             }
             size = next.size;
@@ -132,7 +178,7 @@ impl<'a> Pyramid<'a> {
     /// The mean lobe of the whole map, in the (u, v) frame.
     pub fn mean(&self) -> SlopeCovariance {
         match self.levels.last() {
-            Some(top) => top.texels[0],
+            Some(top) => top.texels[0].covariance,
             None => self.base.texel_at(0).into(),
         }
     }
@@ -217,14 +263,18 @@ impl<'a> Pyramid<'a> {
         }
     }
 
-    /// Whether a pixel that moves the texture coordinate by these steps covers more than a texel.
-    pub fn is_minified(&self, duv_dx: Vec2, duv_dy: Vec2) -> bool {
-        let size = Vec2::new(self.base.width() as f32, self.base.height() as f32);
-        let (a, b) = (duv_dx * size, duv_dy * size);
-        let (xx, yy) = (a.x * a.x + b.x * b.x, a.y * a.y + b.y * b.y);
-        // Without the root of `ellipse`: it is longer than 1 only if either of these is over 1/2.
-        let within = xx <= 0.5 && yy <= 0.5;
-        !within && (ellipse(a, b).0 > 1.0)
+    /// How different the lobes under each footprint are: how much higher the mean of the lobes is than the one lobe of their mean
+    /// covariance, 1 where all are alike; 0 where the footprint is no larger than a texel and a plain fetch does.
+    ///
+    /// `change` holds the steps of the texture coordinate to the right and downward, (u, v) each. Asked of the level whose
+    /// texels are as large as the footprint's long side, at the texel around the coordinate.
+    ///
+    /// # Panics
+    /// When the slices have different lengths.
+    pub fn varieties(&self, [u, v]: [&[f32]; 2], change: [[&[f32]; 2]; 2], out: &mut [f32]) {
+        let all = [u, v].into_iter().chain(change.into_iter().flatten());
+        assert!(all.into_iter().all(|s| s.len() == out.len()), "one length");
+        dispatch!(math::level(), simd => varieties(simd, self, [u, v], change, out));
     }
 
     /// Between two levels; 0 is the map.
@@ -249,7 +299,7 @@ impl<'a> Pyramid<'a> {
             .iter()
             .zip(foot.weight)
             .fold(SlopeCovariance::default(), |sum, (&i, w)| {
-                sum + level.texels[i] * w
+                sum + level.texels[i].covariance * w
             })
     }
 }
@@ -304,6 +354,49 @@ fn places<S: Simd>(
         let next = whole + 1;
         low[i] = (if before { under } else { whole }) as u32;
         high[i] = (if next > last { over } else { next }) as u32;
+    }
+}
+
+/// [`Pyramid::varieties`]
+#[simd]
+fn varieties<S: Simd>(
+    _: S,
+    pyramid: &Pyramid<'_>,
+    [u, v]: [&[f32]; 2],
+    [dx, dy]: [[&[f32]; 2]; 2],
+    out: &mut [f32],
+) {
+    let n = out.len();
+    let (w, h) = (pyramid.base.width() as f32, pyramid.base.height() as f32);
+    let (dx, dy) = (dx.map(|s| &s[..n]), dy.map(|s| &s[..n]));
+    for i in 0..n {
+        let (ax, ay, bx, by) = (dx[0][i] * w, dx[1][i] * h, dy[0][i] * w, dy[1][i] * h);
+        let (xx, yy, xy) = (ax * ax + bx * bx, ay * ay + by * by, ax * ay + bx * by);
+        let difference = xx - yy;
+        out[i] = (0.5 * (xx + yy + (difference * difference + 4.0 * xy * xy).sqrt())).sqrt();
+    }
+    let wrap = pyramid.base.wrap();
+    let place = |t: f32, texels: u32, repeats: bool| {
+        let t = if t.abs() < f32::INFINITY { t } else { 0.0 };
+        let t = if repeats { t - t.floor() } else { t };
+        // Casts saturate.
+        ((t * texels as f32) as u32).min(texels - 1) as usize
+    };
+    for i in 0..n {
+        let major = out[i];
+        if major <= 1.0 {
+            out[i] = 0.0;
+            continue;
+        }
+        // The next power of two, by the exponent's bits; NaN and infinity are past the last level.
+        let level = (major.to_bits() >> 23) as usize - 127;
+        let level = level.min(pyramid.levels.len().wrapping_sub(1));
+        out[i] = pyramid.levels.get(level).map_or(1.0, |level| {
+            let (width, height) = (level.size.width(), level.size.height());
+            let column = place(u[i], width, wrap.repeats_u());
+            let row = place(1.0 - v[i], height, wrap.repeats_v());
+            level.texels[row * width as usize + column].variety()
+        });
     }
 }
 
@@ -390,7 +483,7 @@ impl Level {
             size: half,
             columns: box_weights(size.width(), width),
             rows: box_weights(size.height(), height),
-            texels: vec![SlopeCovariance::default(); half.texels()],
+            texels: vec![Mean::default(); half.texels()],
         }
     }
 
@@ -413,15 +506,13 @@ impl Level {
     }
 
     /// Averages a rectangle of the level from one of `size` below.
-    fn fill(&mut self, rect: Rect, size: Size, source: impl Fn(usize) -> SlopeCovariance + Sync) {
+    fn fill(&mut self, rect: Rect, size: Size, source: impl Fn(usize) -> Mean + Sync) {
         let row_sum = |y: usize, (x, weights): &(usize, Vec<f32>)| {
             let start = y * size.width() as usize + x;
             weights
                 .iter()
                 .enumerate()
-                .fold(SlopeCovariance::default(), |sum, (k, &w)| {
-                    sum + source(start + k) * w
-                })
+                .fold(Mean::default(), |sum, (k, &w)| sum + source(start + k) * w)
         };
         let columns = rect.x as usize..(rect.x + rect.width) as usize;
         self.texels
@@ -432,9 +523,9 @@ impl Level {
             .for_each(|(line, (y, weights))| {
                 let line = &mut line[columns.clone()];
                 for (texel, column) in line.iter_mut().zip(&self.columns[columns.clone()]) {
-                    *texel = SlopeCovariance::default();
+                    *texel = Mean::default();
                     for (k, &w) in weights.iter().enumerate() {
-                        *texel += row_sum(y + k, column) * w;
+                        *texel = *texel + row_sum(y + k, column) * w;
                     }
                 }
             });

@@ -41,6 +41,8 @@ pub(super) struct Chunk {
     bend: [Lane; 3],
     /// alpha_x, alpha_y, cos 2θ, sin 2θ: blended, not yet of unit length.
     pub(super) texel: [[f32; 4]; CHUNK],
+    /// How different the lobes under the footprint are; see [`Pyramid::varieties`].
+    variety: Lane,
     /// The prepared lobe.
     pub(super) lobe: [Lane; 4],
     /// The unit vector to a light in the frame, and the share of its irradiance that arrives.
@@ -91,6 +93,7 @@ impl Chunk {
             view: [zero; 3],
             bend: [zero; 3],
             texel: [[0.0; 4]; CHUNK],
+            variety: zero,
             lobe: [zero; 4],
             light: [zero; 3],
             falloff: [1.0; CHUNK],
@@ -426,19 +429,56 @@ pub(super) fn gather<S: Simd>(
     }
 }
 
-/// The map at each fragment's texture coordinate, and with `mips` over its footprint.
-pub(super) fn fetch(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize, mips: bool) {
+/// The map at each fragment's texture coordinate.
+pub(super) fn fetch(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize) {
     let [u, v] = &chunk.uv;
     pyramid.fetch_plain(&u[..n], &v[..n], &mut chunk.texel[..n]);
-    if !mips {
-        return;
-    }
-    let [dx, dy] = &chunk.uv_change;
+}
+
+/// Footprints whose lobes differ less than this are told by any of them.
+const ALIKE: f32 = 1.000_01;
+/// Footprints whose lobes differ more are not told by one lobe, their mean. Measured on discs and pots of 4096 texels at 128
+/// pixels with 4x4 samples: at 1.09 the pictures' FLIP from the truth is 1.3 to 4.3 times what sampling every footprint gives,
+/// at 1.01 1.2 to 2 times, here 1 to 1.2.
+const VARIED: f32 = 1.001;
+
+/// The mean of the map over each fragment's footprint where one lobe tells it, in place of what [`fetch`] found. Fragments
+/// whose footprint holds lobes too different for that are marked; says whether there are any.
+pub(super) fn average(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize) -> bool {
+    let [u, v] = chunk.uv.each_ref().map(|c| &c[..n]);
+    let change = chunk
+        .uv_change
+        .each_ref()
+        .map(|d| d.each_ref().map(|c| &c[..n]));
+    pyramid.varieties([u, v], change, &mut chunk.variety[..n]);
+    let mut any = false;
     for i in 0..n {
-        let (dx, dy) = (Vec2::new(dx[0][i], dx[1][i]), Vec2::new(dy[0][i], dy[1][i]));
-        if pyramid.is_minified(dx, dy) {
+        let variety = chunk.variety[i];
+        any |= variety > VARIED;
+        if variety > ALIKE && variety <= VARIED {
+            let [dx, dy] = change.map(|[u, v]| Vec2::new(u[i], v[i]));
             let t = pyramid.sample(Vec2::new(u[i], v[i]), dx, dy);
             chunk.texel[i] = [t.alpha_x, t.alpha_y, t.axis.cos2, t.axis.sin2];
+        }
+    }
+    any
+}
+
+/// One of several places in the footprints of the fragments that [`average`] marked: the map there takes the place of what was
+/// fetched.
+pub(super) fn fetch_tap(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize, [x, y]: [f32; 2]) {
+    let mut uv = [[0.0; CHUNK]; 2];
+    for c in 0..2 {
+        for i in 0..n {
+            uv[c][i] =
+                chunk.uv[c][i] + (chunk.uv_change[0][c][i] * x + chunk.uv_change[1][c][i] * y);
+        }
+    }
+    let mut texels = [[0.0; 4]; CHUNK];
+    pyramid.fetch_plain(&uv[0][..n], &uv[1][..n], &mut texels[..n]);
+    for i in 0..n {
+        if chunk.variety[i] > VARIED {
+            chunk.texel[i] = texels[i];
         }
     }
 }

@@ -13,7 +13,7 @@
 use super::Material;
 use super::look::Look;
 use super::packed::{self, CHUNK, Chunk, Given};
-use super::scene::{Light, Scene};
+use super::scene::{Light, SAMPLES_MAX, Scene};
 use super::timings::{Stage, Timings};
 use crate::brdf::Model;
 use crate::brdf::kernel::{self, Batch};
@@ -34,7 +34,39 @@ pub(super) struct Shader<'a> {
     model: Model,
     /// The one texel along the mesh's tangent, when the map itself is not read.
     mean: Option<[f32; 4]>,
+    /// Where footprints are sampled that one lobe does not tell, in samples from the middle of one.
+    taps: &'static [[f32; 2]],
     gain: f32,
+}
+
+/// Places in a footprint, for 1 to 4 samples along a pixel's side: together 16 or 18 a pixel. Two and four stand so that no two
+/// share a row or a column.
+const TAPS: [&[[f32; 2]]; SAMPLES_MAX as usize] = [
+    &grid::<16>(4),
+    &[
+        [-0.125, -0.375],
+        [0.375, -0.125],
+        [0.125, 0.375],
+        [-0.375, 0.125],
+    ],
+    &[[-0.25, -0.25], [0.25, 0.25]],
+    &[[0.0, 0.0]],
+];
+
+/// A grid of `side` x `side` places, each row moved by a part of a column.
+const fn grid<const N: usize>(side: usize) -> [[f32; 2]; N] {
+    let mut places = [[0.0; 2]; N];
+    let mut i = 0;
+    while i < N {
+        let (x, y) = ((i % side) as f32, (i / side) as f32);
+        let side = side as f32;
+        places[i] = [
+            (x + (y + 0.5) / side) / side - 0.5,
+            (y + (x + 0.5) / side) / side - 0.5,
+        ];
+        i += 1;
+    }
+    places
 }
 
 /// What one thread works in.
@@ -82,6 +114,7 @@ impl<'a> Shader<'a> {
             height,
             model: look.model,
             mean,
+            taps: TAPS[scene.samples as usize - 1],
             gain: math::exp2(scene.exposure),
         }
     }
@@ -225,30 +258,42 @@ impl<'a> Shader<'a> {
                 dispatch!(level, simd => packed::bends(simd, chunk, given));
             }
         });
-        timings.time(Stage::Fetch, || {
-            match self.mean {
-                Some(texel) => chunk.texel[..n].fill(texel),
-                None => {
-                    if quality.mips {
-                        dispatch!(level, simd => packed::uv_changes(simd, chunk, given));
-                    }
-                    packed::fetch(self.pyramid, chunk, n, quality.mips);
+        let ambient = Vec3::from(self.material.ambient) * Vec3::from(self.scene.ambient);
+        for (lane, c) in chunk.radiance.iter_mut().zip(ambient.to_array()) {
+            lane[..n].fill(c);
+        }
+        let varied = timings.time(Stage::Fetch, || match self.mean {
+            Some(texel) => {
+                chunk.texel[..n].fill(texel);
+                false
+            }
+            None => {
+                packed::fetch(self.pyramid, chunk, n);
+                quality.mips && {
+                    dispatch!(level, simd => packed::uv_changes(simd, chunk, given));
+                    packed::average(self.pyramid, chunk, n)
                 }
             }
-            dispatch!(level, simd => packed::lobes(simd, chunk, n, quality.widening));
         });
-        timings.time(Stage::Shade, || {
-            let ambient = Vec3::from(self.material.ambient) * Vec3::from(self.scene.ambient);
-            for (lane, c) in chunk.radiance.iter_mut().zip(ambient.to_array()) {
-                lane[..n].fill(c);
-            }
-            for light in &self.scene.lights {
-                self.add_light(light, chunk, n);
-            }
-        });
+        let taps = if varied { self.taps } else { &[[0.0; 2]] };
+        for (i, tap) in taps.iter().enumerate() {
+            timings.time(Stage::Fetch, || {
+                if varied {
+                    packed::fetch_tap(self.pyramid, chunk, n, *tap);
+                }
+                dispatch!(level, simd => packed::lobes(simd, chunk, n, quality.widening));
+            });
+            timings.time(Stage::Shade, || {
+                let diffuse = if i == 0 { 1.0 } else { 0.0 };
+                for light in &self.scene.lights {
+                    self.add_light(light, chunk, n, [diffuse, 1.0 / taps.len() as f32]);
+                }
+            });
+        }
     }
 
-    fn add_light(&self, light: &Light, chunk: &mut Chunk, n: usize) {
+    /// Adds shares of a light's diffuse and specular reflection.
+    fn add_light(&self, light: &Light, chunk: &mut Chunk, n: usize, share: [f32; 2]) {
         let level = math::level();
         let power = match *light {
             Light::Directional { toward, irradiance } => {
@@ -273,8 +318,8 @@ impl<'a> Shader<'a> {
         kernel::shade(level, self.model, &batch, &mut chunk.reflected[..n]);
         let power = Vec3::from(power);
         let colours = (
-            (power * Vec3::from(self.material.diffuse)).to_array(),
-            (power * Vec3::from(self.material.specular)).to_array(),
+            (power * Vec3::from(self.material.diffuse) * share[0]).to_array(),
+            (power * Vec3::from(self.material.specular) * share[1]).to_array(),
         );
         let seen_only = !self.scene.quality.widening;
         dispatch!(level, simd => packed::gather(simd, chunk, n, colours, seen_only));
