@@ -10,6 +10,8 @@ mod frames;
 mod shading;
 mod texels;
 
+pub(crate) use shading::{SPECULAR, Turned, direction, mirrored, through_kernel};
+
 use crate::error::Result;
 use serde::Serialize;
 use std::fmt::Write;

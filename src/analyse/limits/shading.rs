@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use std::f32::consts::PI;
 
 /// Every model with a highlight.
-pub(super) const SPECULAR: [Model; 8] = [
+pub(crate) const SPECULAR: [Model; 8] = [
     Model::Ward,
     Model::WardExact,
     Model::WardDuer,
@@ -22,13 +22,13 @@ pub(super) const SPECULAR: [Model; 8] = [
 ];
 
 /// The unit vector at `degrees` from the normal and `azimuth` radians from the tangent.
-pub(super) fn direction(degrees: f64, azimuth: f64) -> DVec3 {
+pub(crate) fn direction(degrees: f64, azimuth: f64) -> DVec3 {
     let (sin, cos) = degrees.to_radians().sin_cos();
     DVec3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos)
 }
 
 /// The light that `v` mirrors at the half vector of this slope; none where it would stand under the surface.
-pub(super) fn mirrored(v: DVec3, slope: DVec2) -> Option<DVec3> {
+pub(crate) fn mirrored(v: DVec3, slope: DVec2) -> Option<DVec3> {
     let h = slope.extend(1.0).normalize();
     let l = 2.0 * v.dot(h) * h - v;
     (l.z > 0.0).then_some(l)
@@ -51,7 +51,7 @@ pub(super) fn lobe_pairs(alpha: DVec2, widths: f64) -> Vec<(Vec3, Vec3)> {
 }
 
 /// What the vectorised loop of a model makes of pixels of one texel.
-pub(super) fn through_kernel(model: Model, pairs: &[(Vec3, Vec3)], texel: Texel) -> Vec<f32> {
+pub(crate) fn through_kernel(model: Model, pairs: &[(Vec3, Vec3)], texel: Texel) -> Vec<f32> {
     let lane =
         |component: fn(&(Vec3, Vec3)) -> f32| pairs.iter().map(component).collect::<Vec<_>>();
     let light = [lane(|p| p.0.x), lane(|p| p.0.y), lane(|p| p.0.z)];
@@ -257,13 +257,11 @@ pub(super) fn extreme_ratios() -> Result<Evidence> {
         };
         let turned = Turned::new(texel);
         let local = lobe_pairs(Vec2::from(alpha).as_dvec2(), 2.0);
-        let pairs: Vec<_> = local
-            .iter()
-            .map(|p| (turned.back(p.0), turned.back(p.1)))
-            .collect();
+        let out = |w: Vec3| turned.out(w.as_dvec3()).as_vec3();
+        let pairs: Vec<_> = local.iter().map(|p| (out(p.0), out(p.1))).collect();
         let got = through_kernel(Model::WardExact, &pairs, texel);
         for (&pair, got) in pairs.iter().zip(got) {
-            let want = turned.truth(Model::WardExact, pair);
+            let want = turned.truth(Model::WardExact, pair.0.as_dvec3(), pair.1.as_dvec3());
             worst(&mut evidence.naive, relative(by_matrix(texel, pair), want));
             worst(&mut evidence.ours, relative(got, want));
         }
@@ -303,20 +301,17 @@ impl Turned {
         }
     }
 
-    /// From the texel's axes to the surface's, rounded to f32.
-    pub(crate) fn back(&self, w: Vec3) -> Vec3 {
-        let w = w.as_dvec3();
+    /// From the texel's axes to the surface's.
+    pub(crate) fn out(&self, w: DVec3) -> DVec3 {
         DVec3::new(
             self.c * w.x - self.s * w.y,
             self.s * w.x + self.c * w.y,
             w.z,
         )
-        .as_vec3()
     }
 
     /// From the surface's axes to the texel's.
-    fn to(&self, w: Vec3) -> DVec3 {
-        let w = w.as_dvec3();
+    fn within(&self, w: DVec3) -> DVec3 {
         DVec3::new(
             self.c * w.x + self.s * w.y,
             self.c * w.y - self.s * w.x,
@@ -324,9 +319,9 @@ impl Turned {
         )
     }
 
-    /// The f64 form at the very numbers that the vectorised loop is given.
-    pub(crate) fn truth(&self, model: Model, (l, v): (Vec3, Vec3)) -> f64 {
-        brdf::shade_f64(model, self.to(l), self.to(v), self.alpha)
+    /// The f64 form of f_r n.l, for directions in the surface's axes.
+    pub(crate) fn truth(&self, model: Model, l: DVec3, v: DVec3) -> f64 {
+        brdf::shade_f64(model, self.within(l), self.within(v), self.alpha)
     }
 }
 
