@@ -1,6 +1,6 @@
 //! How much light each model gives back: directional albedo over the angle of view, for a few widths.
 
-use super::svg::{Anchor, Axis, Frame, INK, PALE, Svg, text_width};
+use super::svg::{Anchor, Axis, Frame, INK, PALE, Svg};
 use crate::analyse::{ALBEDO_DEGREES_MAX, Albedo};
 use crate::brdf::Model;
 use crate::error::Result;
@@ -13,7 +13,7 @@ use std::io;
 use std::path::Path;
 
 /// The lobes that are drawn: the two widths, and the azimuth in degrees from the x axis from which they are seen.
-pub const LOBES: [(f64, f64, f64); 4] = [
+const LOBES: [(f64, f64, f64); 4] = [
     (0.1, 0.1, 0.0),
     (0.3, 0.3, 0.0),
     (0.1, 0.5, 90.0),
@@ -115,7 +115,7 @@ fn csv(curves: &[Curve]) -> String {
 const HIGHEST: f64 = 1.5;
 const PANEL: (f64, f64) = (330.0, 250.0);
 /// Room of a panel with its axes and names.
-const CELL: (f64, f64) = (510.0, 335.0);
+const CELL: (f64, f64) = (610.0, 335.0);
 const TEXT: f64 = 12.0;
 
 fn svg(curves: &[Curve]) -> String {
@@ -150,7 +150,7 @@ fn panel(svg: &mut Svg, corner: (f64, f64), lobe: (f64, f64, f64), curves: &[&Cu
     let head = if x == y {
         format!("alphas {x} and {y}")
     } else {
-        format!("alphas {x} and {y}, seen along the second")
+        format!("alphas {x} and {y}, seen along the axis of the second")
     };
     svg.bold(
         (corner.0, corner.1 - 10.0),
@@ -218,10 +218,7 @@ fn names(svg: &mut Svg, frame: &Frame, mut labels: Vec<((f64, f64), String, &str
         let sample = (right + 20.0, right + 44.0);
         svg.polyline(&[end, (right + 6.0, y), (sample.0, y)], PALE, 0.7, "");
         svg.polyline(&[(sample.0, y), (sample.1, y)], ink, 1.9, dash);
-        // A name that would leave the picture is set smaller.
-        let room = CELL.0 - PANEL.0 - 72.0 - 52.0;
-        let size = TEXT * (room / text_width(&name, TEXT)).min(1.0);
-        svg.text((sample.1 + 5.0, y + 4.0), size, Anchor::Start, INK, &name);
+        svg.text((sample.1 + 5.0, y + 4.0), TEXT, Anchor::Start, INK, &name);
     }
 }
 
@@ -229,7 +226,7 @@ fn names(svg: &mut Svg, frame: &Frame, mut labels: Vec<((f64, f64), String, &str
 ///
 /// # Errors
 /// [`crate::Error::Write`], or when `progress` cancels. One step for each curve.
-pub fn write(dir: &Path, progress: &Progress<'_>) -> Result<[Written; 2]> {
+pub(super) fn write(dir: &Path, progress: &Progress<'_>) -> Result<[Written; 2]> {
     let curves = curves(progress)?;
     let file = |name: &str, text: String| {
         write_atomic(&dir.join(name), |file| {
@@ -250,9 +247,6 @@ mod tests {
     fn the_curves_meet_the_reference() {
         let table = include_str!("../../tests/reference/albedo.csv");
         let all = curves(&Progress::none()).unwrap();
-        if let Ok(dir) = std::env::var("OUT") {
-            write(Path::new(&dir), &Progress::none()).unwrap();
-        }
         let mut compared = 0;
         for line in table.lines().skip(1) {
             let mut fields = line.split(',');
@@ -274,6 +268,9 @@ mod tests {
         }
         assert!(compared > 60, "{compared}");
         assert_eq!(csv(&all).lines().count(), 1 + all.len() * DEGREES.len());
+        // The longest name fits beside its frame.
+        let longest = super::super::svg::text_width("ward-duer, 6.0 at 89\u{b0}", TEXT);
+        assert!(longest + 72.0 + PANEL.0 + 49.0 < CELL.0, "{longest}");
         let text = svg(&all);
         for (model, _, _) in LINES {
             assert!(

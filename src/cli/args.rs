@@ -32,6 +32,8 @@ pub(super) enum Command {
     Inspect(InspectArgs),
     /// Make many maps from a manifest of recipes, sizes, seeds and sweeps
     Batch(BatchArgs),
+    /// Measure on this machine what fails where, and draw it
+    Chart(ChartArgs),
     /// Write a completion script for a shell
     Completions(CompletionsArgs),
 }
@@ -254,6 +256,20 @@ names would be the same. Beside each map lies the recipe it was made from.
 
 One failure does not stop the rest. Exit codes: 0 all made; 1 some failed;
 2 the manifest cannot be used.";
+
+#[derive(Args)]
+pub(super) struct ChartArgs {
+    /// Folder for the files; made where it is missing. Example: -o out
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: PathBuf,
+    /// Measure where the usual mathematics fails and how far ours is off, where f32 holds for each model, and how much light
+    /// each gives back. Exit code 1 when a stated bound is not kept. Example: --stability
+    #[arg(long, required = true)]
+    pub(super) stability: bool,
+    /// JSON for scripts in place of the table: {holds, limits, files}. Example: --json
+    #[arg(long)]
+    pub(super) json: bool,
+}
 
 #[derive(Args)]
 pub(super) struct CompletionsArgs {

@@ -12,6 +12,7 @@ mod input;
 mod inspect;
 mod presets;
 mod preview;
+mod stability;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -47,6 +48,10 @@ fn dispatch(command: Command) -> Result {
         Command::Preview(args) => preview::run(args),
         Command::Inspect(args) => inspect::run(args),
         Command::Batch(args) => batch::run(args),
+        Command::Chart(args) => {
+            console::catch_interrupts();
+            stability::run(&args.output, args.json)
+        }
         Command::Completions(args) => completions::run(args),
     }
 }

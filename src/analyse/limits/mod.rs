@@ -46,21 +46,14 @@ pub enum Measure {
 }
 
 impl Measure {
-    /// A number of this kind with its unit.
+    /// A number of this kind in words.
     pub fn show(self, x: f64) -> String {
-        let whole = x.is_finite() && x.fract() == 0.0;
         match self {
             _ if !x.is_finite() => "not finite".to_owned(),
-            Self::Count | Self::Samples if whole => {
-                let what = if self == Self::Count {
-                    "values"
-                } else {
-                    "samples"
-                };
-                format!("{x:.0} {what}")
-            }
-            Self::Count | Self::Samples => format!("{x}"),
-            Self::Degrees => format!("{x:.2} degrees"),
+            Self::Count => format!("{x} bad"),
+            Self::Samples => format!("{x} wrong"),
+            Self::Degrees => format!("{} degrees", significant(x)),
+            Self::Error if x == 0.0 => "0".to_owned(),
             Self::Error if x >= 9.995 => format!("{x:.0} times"),
             Self::Error if x >= 0.001 => format!("{} %", significant(100.0 * x)),
             Self::Error => format!("{x:.0e}"),

@@ -64,7 +64,7 @@ fn numbers_are_shown_with_their_units() {
     assert_eq!(Measure::Error.show(1e-5), "1e-5");
     assert_eq!(Measure::Error.show(f64::INFINITY), "not finite");
     assert_eq!(Measure::Degrees.show(0.146), "0.15 degrees");
-    assert_eq!(Measure::Count.show(0.0), "0 values");
-    assert_eq!(Measure::Samples.show(32.0), "32 samples");
+    assert_eq!(Measure::Count.show(0.0), "0 bad");
+    assert_eq!(Measure::Samples.show(32.0), "32 wrong");
     assert!(table().lines().count() == LIMITS.len() + 2);
 }
