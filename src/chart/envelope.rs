@@ -214,10 +214,10 @@ const CELL: u32 = 4;
 const PANEL: u32 = CELL * STEPS as u32;
 const GAP: u32 = 24;
 /// Between the two halves.
-const GUTTER: u32 = 36;
-const LEFT: u32 = 150;
-const TOP: u32 = 92;
-const BOTTOM: u32 = 96;
+const GUTTER: u32 = 56;
+const LEFT: u32 = 206;
+const TOP: u32 = 104;
+const BOTTOM: u32 = 104;
 const RIGHT: u32 = 24;
 
 /// Upper bounds of the errors of a colour, in sRGB from pale to dark; the last is for everything above.
@@ -275,7 +275,7 @@ impl Sheet {
             width,
             height,
         };
-        let px = (height as f32 * 0.86).min(17.0);
+        let px = (height as f32 * 0.86).min(22.0);
         write_text(&mut self.picture, area, text, px, align, INK);
     }
 
@@ -293,20 +293,20 @@ impl Sheet {
             (SHOWN.len(), "with the directions rounded to f32"),
         ] {
             let x = Self::corner(0, column).0;
-            self.text((x, 14), (half, 26), title, Align::Centre);
+            self.text((x, 14), (half, 32), title, Align::Centre);
         }
         for column in 0..2 * SHOWN.len() {
             let degrees = VIEW_DEGREES[SHOWN[column % SHOWN.len()]];
             let head = format!("seen at {degrees}°");
             let x = Self::corner(0, column).0;
-            self.text((x, TOP - 32), (PANEL, 22), &head, Align::Centre);
+            self.text((x, TOP - 34), (PANEL, 25), &head, Align::Centre);
             self.alphas(column);
         }
         let x = Self::corner(0, 0).0;
         let under = TOP + SPECULAR.len() as u32 * (PANEL + GAP) + 8;
         let words = "across: the smaller alpha, 0.001 to 1.5     upward: the larger over it, 1 to 1000     grey: no map has such texels";
-        self.text((x, under), (2 * half + GUTTER, 26), words, Align::Left);
-        self.legend((x, under + 38));
+        self.text((x, under), (2 * half + GUTTER, 28), words, Align::Left);
+        self.legend((x, under + 40));
     }
 
     /// The numbers under a column.
@@ -316,17 +316,17 @@ impl Sheet {
             let share = (alpha / alpha_of(0)).ln() / (alpha_of(STEPS - 1) / alpha_of(0)).ln();
             let at = x + CELL / 2 + (share * f64::from(PANEL - CELL)) as u32;
             self.fill((at, y + PANEL), (1, 5), INK);
-            self.text((at - 22, y + PANEL + 5), (45, 17), text, Align::Centre);
+            self.text((at - 26, y + PANEL + 5), (53, 20), text, Align::Centre);
         }
     }
 
     fn legend(&mut self, (x, y): (u32, u32)) {
-        self.text((x, y), (190, 26), "largest relative error:", Align::Left);
+        self.text((x, y), (250, 28), "largest relative error:", Align::Left);
         for (i, (_, rgb, text)) in COLOURS.into_iter().enumerate() {
-            let at = x + 200 + 160 * i as u32;
+            let at = x + 260 + 170 * i as u32;
             self.fill((at, y + 2), (32, 22), INK);
             self.fill((at + 1, y + 3), (30, 20), linear(rgb));
-            self.text((at + 40, y), (110, 26), text, Align::Left);
+            self.text((at + 40, y), (126, 28), text, Align::Left);
         }
     }
 
@@ -334,8 +334,8 @@ impl Sheet {
     fn model(&mut self, row: usize, model: Model) {
         let y = Self::corner(row, 0).1;
         self.text(
-            (4, y + PANEL / 2 - 13),
-            (104, 26),
+            (6, y + PANEL / 2 - 13),
+            (142, 28),
             model.name(),
             Align::Left,
         );
@@ -346,7 +346,7 @@ impl Sheet {
                 let at = y + PANEL - 1 - up;
                 self.fill((x - 5, at), (5, 1), INK);
                 if column == 0 || i == 0 || i == 3 {
-                    self.text((x - 46, at - 8), (39, 16), text, Align::Right);
+                    self.text((x - 54, at - 10), (47, 20), text, Align::Right);
                 }
             }
         }
