@@ -1075,3 +1075,24 @@ fn two_interrupts_leave_no_unfinished_file() {
     assert!(took.as_secs() < 10, "{took:?}");
     assert!(!unfinished(&desk), "{:?}", desk.files("out"));
 }
+
+#[test]
+fn chart_proves_the_limits_and_writes_what_it_measured() {
+    let desk = Desk::new();
+    desk.write("file", "in the way");
+    desk.fails("chart --stability -o file", 3, &["file", "it is a file"]);
+    let report = desk.json("chart --stability -o out/new --json");
+    assert_eq!(report["holds"], true);
+    let limits = report["limits"].as_array().expect("a list");
+    assert!(limits.len() >= 21 && limits.iter().all(|l| l["holds"] == true));
+    for name in [
+        "limits.csv",
+        "limits.md",
+        "stability.csv",
+        "stability.png",
+        "energy.csv",
+        "energy.svg",
+    ] {
+        assert!(desk.path(&format!("out/new/{name}")).is_file(), "{name}");
+    }
+}

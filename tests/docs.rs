@@ -1,6 +1,9 @@
 //! Holds the documents to the program: parameter tables, presets, and the files that the text names.
 
+use anisomap::analyse::limits;
+use anisomap::chart::{envelope_table, stability};
 use anisomap::pattern::Pattern;
+use anisomap::progress::Progress;
 use anisomap::recipe::{PRESETS, Target};
 use std::fmt::Write;
 use std::fs;
@@ -59,22 +62,89 @@ fn tables() -> String {
     text
 }
 
-#[test]
-fn formats_md_states_every_parameter() {
-    let path = root().join("docs/formats.md");
-    let text = fs::read_to_string(&path).expect("docs/formats.md");
-    let (begin, end) = ("<!-- parameters -->\n", "<!-- end of parameters -->");
-    let from = text.find(begin).expect("the first marker") + begin.len();
-    let to = text.find(end).expect("the second marker");
-    let want = format!("\n{}", tables());
-    if std::env::var_os("ANISOMAP_UPDATE_GOLDEN").is_some() {
+fn updating() -> bool {
+    std::env::var_os("ANISOMAP_UPDATE_GOLDEN").is_some()
+}
+
+/// Holds what stands between the two markers of a name in a document to `want`, or writes it there.
+fn generated(document: &str, name: &str, want: &str) {
+    let path = root().join(document);
+    let text = fs::read_to_string(&path).expect(document);
+    let (begin, end) = (
+        format!("<!-- {name} -->\n"),
+        format!("<!-- end of {name} -->"),
+    );
+    let from = text.find(&begin).expect("the first marker") + begin.len();
+    let to = text.find(&end).expect("the second marker");
+    if updating() {
         fs::write(&path, format!("{}{want}{}", &text[..from], &text[to..])).expect("writable");
         return;
     }
     assert!(
-        text[from..to] == want,
-        "docs/formats.md is out of date; rewrite it with ANISOMAP_UPDATE_GOLDEN=1 cargo test --test docs"
+        &text[from..to] == want,
+        "{document} is out of date; rewrite it with ANISOMAP_UPDATE_GOLDEN=1 cargo test --test docs"
     );
+}
+
+#[test]
+fn formats_md_states_every_parameter() {
+    generated("docs/formats.md", "parameters", &format!("\n{}", tables()));
+}
+
+/// The mean step of 255 between two pictures of one size.
+fn steps_apart(a: &Path, b: &Path) -> f64 {
+    let read = |path: &Path| image::open(path).expect("a picture").to_rgb8();
+    let (a, b) = (read(a), read(b));
+    assert_eq!(a.dimensions(), b.dimensions());
+    let sum: u64 = a
+        .iter()
+        .zip(b.iter())
+        .map(|(a, b)| u64::from(a.abs_diff(*b)))
+        .sum();
+    sum as f64 / a.len() as f64
+}
+
+/// The numbers of a drawing, and what stands between them.
+fn numbers(svg: &str) -> (Vec<f64>, Vec<&str>) {
+    let is_number = |c: char| c.is_ascii_digit() || c == '.';
+    let values = svg.split(|c| !is_number(c)).filter_map(|n| n.parse().ok());
+    (
+        values.collect(),
+        svg.split(is_number).filter(|t| !t.is_empty()).collect(),
+    )
+}
+
+#[test]
+fn limits_md_shows_the_tables_and_pictures_of_the_code() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let drawn = stability(folder.path(), &Progress::none()).expect("measured");
+    let table = format!("\n{}\n", limits::table());
+    generated("docs/limits.md", "limits", &table);
+    let table = format!("\n{}\n", envelope_table(&drawn.envelope));
+    generated("docs/limits.md", "envelope", &table);
+    for name in ["stability.png", "energy.svg"] {
+        let (kept, drawn) = (
+            root().join("docs/pictures").join(name),
+            folder.path().join(name),
+        );
+        if updating() {
+            fs::copy(&drawn, &kept).expect("writable");
+        }
+        let stale = format!("docs/pictures/{name} is stale: see the end of docs/limits.md");
+        if name.ends_with(".png") {
+            let mean = steps_apart(&kept, &drawn);
+            assert!(mean < 0.5, "{stale} ({mean} steps apart)");
+        } else {
+            let text = |path: &Path| fs::read_to_string(path).expect("a drawing");
+            let (kept, drawn) = (text(&kept), text(&drawn));
+            let (kept, drawn) = (numbers(&kept), numbers(&drawn));
+            let near = |(a, b): (&f64, &f64)| (a - b).abs() < 0.05;
+            assert!(
+                kept.1 == drawn.1 && kept.0.iter().zip(&drawn.0).all(near),
+                "{stale}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -110,6 +180,7 @@ fn the_documents_name_only_files_that_exist() {
         "README.md",
         "docs/architecture.md",
         "docs/formats.md",
+        "docs/limits.md",
         "docs/wording.md",
     ] {
         let path = root().join(document);
@@ -179,19 +250,9 @@ fn the_readmes_pictures_are_what_its_commands_draw() {
             .status()
             .expect("the binary starts");
         assert!(status.success(), "{command:?}");
-        let read = |path: &Path| image::open(path).expect("a picture").to_rgb8();
-        let (kept, drawn) = (
-            read(&root().join(format!("docs/pictures/{name}.png"))),
-            read(&drawn),
-        );
-        assert_eq!(kept.dimensions(), drawn.dimensions(), "{name}");
+        let kept = root().join(format!("docs/pictures/{name}.png"));
         // Another machine's mathematics may round a pixel here and there to the next step.
-        let apart: u64 = kept
-            .iter()
-            .zip(drawn.iter())
-            .map(|(a, b)| u64::from(a.abs_diff(*b)))
-            .sum();
-        let mean = apart as f64 / kept.len() as f64;
+        let mean = steps_apart(&kept, &drawn);
         assert!(
             mean < 0.05,
             "docs/pictures/{name}.png is stale ({mean} steps apart): draw it again by the README's command"

@@ -1,5 +1,6 @@
 //! `anisomap chart --stability`
 
+use super::generate::make_folder;
 use super::{Outcome, Result, console};
 use anisomap::chart::{self, Row, Stability};
 use serde_json::json;
@@ -8,7 +9,7 @@ use std::path::Path;
 
 /// Measures what fails where, writes it into a folder that is made where it is missing, and says what was found.
 pub(super) fn run(output: &Path, as_json: bool) -> Result {
-    std::fs::create_dir_all(output).map_err(anisomap::Error::write(output))?;
+    make_folder(output)?;
     let found = console::with_progress("measuring", |progress| chart::stability(output, progress))?;
     if as_json {
         console::print_json(&json!({
