@@ -220,7 +220,7 @@ pub(super) fn extreme_widths() -> Result<Evidence> {
     Ok(bad_light(&SPECULAR, &cases))
 }
 
-/// Row 7. How much of a lobe's tail is denormal numbers, which processors take a hundred times as long over.
+/// Row 7. How much of a lobe's tail is denormal numbers, which many processors take much longer over.
 pub(super) fn underflow() -> Result<Evidence> {
     let subnormal = |x: f32| f64::from(x.is_subnormal());
     let mut evidence = Evidence::NONE;
