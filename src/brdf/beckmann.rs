@@ -49,9 +49,15 @@ pub fn evaluate_f64(l: DVec3, v: DVec3, alpha: DVec2) -> f64 {
 /// f_r n.l, safe; see [`shade`](super::shade).
 #[inline(always)]
 pub fn shade(l: Vec3, v: Vec3, alpha: Vec2) -> f32 {
+    shade_half(l, v, Vec2::new(l.x + v.x, l.y + v.y), alpha)
+}
+
+/// [`shade`] for a caller that has Hx and Hy.
+#[inline(always)]
+pub(super) fn shade_half(l: Vec3, v: Vec3, flat: Vec2, alpha: Vec2) -> f32 {
     // No closure around something this long: it would not be inlined, and loops over it would stay scalar.
     let (raised, alpha) = floors(v, alpha);
-    let h = l + raised;
+    let h = flat.extend(l.z + raised.z);
     let norm = FRAC_1_PI / (alpha.x * alpha.y) * smith::beckmann_visibility(l, raised, alpha) * l.z;
     safe(l, v, norm * lobe(slope_exponent(h, alpha)) * stretch(h))
 }

@@ -48,9 +48,16 @@ pub fn evaluate_f64(l: DVec3, v: DVec3, alpha: DVec2) -> f64 {
 /// f_r n.l, safe; see [`shade`](super::shade).
 #[inline(always)]
 pub fn shade(l: Vec3, v: Vec3, alpha: Vec2) -> f32 {
+    shade_half(l, v, Vec2::new(l.x + v.x, l.y + v.y), alpha)
+}
+
+/// [`shade`] for a caller that has Hx and Hy.
+#[inline(always)]
+pub(super) fn shade_half(l: Vec3, v: Vec3, flat: Vec2, alpha: Vec2) -> f32 {
     guard(l, v, alpha, |l, v, alpha| {
         let visible = smith::ggx_visibility(l, v, alpha) * l.z;
-        FRAC_1_PI / (alpha.x * alpha.y) * tail(l + v, alpha) * visible
+        let h = flat.extend(l.z + v.z);
+        FRAC_1_PI / (alpha.x * alpha.y) * tail(h, alpha) * visible
     })
 }
 

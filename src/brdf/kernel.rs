@@ -4,7 +4,8 @@
 //! (cos θ, sin θ, 1/alpha_x, 1/alpha_y), so that nothing in the loop is an angle or a division that could have been made
 //! before. The choice of CPU level and of model is made once per batch. What the loops keep:
 //!
-//! - Ward's family turns only the half vector to the texel's axis, since n.l and n.v do not change by it;
+//! - the half vector is turned to the texel's axis as a whole; Ward's family turns nothing else, since n.l and n.v do not
+//!   change by it, and the models without an axis turn nothing at all;
 //! - H stays at its own length, and f_r n.l is one expression with sqrt(n.l/n.v) or no root at all;
 //! - the exponential is a polynomial of degree 5 ([`exp_5`]): a better one buys nothing, because the rounding of the
 //!   exponent is larger than its error;
@@ -111,19 +112,37 @@ fn each_half(batch: &Batch<'_>, out: &mut [f32], form: impl Fn(Half) -> f32) {
     }
 }
 
-/// For the models that need l and v themselves in the texel's axes: calls the scalar form, which is safe already.
+/// For the models that need l and v themselves in the texel's axes: calls the scalar form, which is safe already, with Hx and
+/// Hy besides. They are summed up before they are turned: near the peak l and v cancel, and each turned by itself would leave
+/// its rounding in place of the difference.
 #[inline(always)]
-fn each(batch: &Batch<'_>, out: &mut [f32], form: impl Fn(Vec3, Vec3, Vec2) -> f32) {
+fn each(batch: &Batch<'_>, out: &mut [f32], form: impl Fn(Vec3, Vec3, Vec2, Vec2) -> f32) {
     let n = out.len();
     let [lx, ly, lz] = batch.light.map(|s| &s[..n]);
     let [vx, vy, vz] = batch.view.map(|s| &s[..n]);
     let [c, s, rx, ry] = batch.lobe.map(|s| &s[..n]);
     for i in 0..n {
-        let turned =
-            |x: f32, y: f32, z: f32| Vec3::new(c[i] * x + s[i] * y, c[i] * y - s[i] * x, z);
+        let turned = |x: f32, y: f32| Vec2::new(c[i] * x + s[i] * y, c[i] * y - s[i] * x);
         out[i] = form(
-            turned(lx[i], ly[i], lz[i]),
-            turned(vx[i], vy[i], vz[i]),
+            turned(lx[i], ly[i]).extend(lz[i]),
+            turned(vx[i], vy[i]).extend(vz[i]),
+            turned(lx[i] + vx[i], ly[i] + vy[i]),
+            Vec2::new(1.0 / rx[i], 1.0 / ry[i]),
+        );
+    }
+}
+
+/// For the models that know no axis: calls the scalar form, which is safe already.
+#[inline(always)]
+fn each_round(batch: &Batch<'_>, out: &mut [f32], form: impl Fn(Vec3, Vec3, Vec2) -> f32) {
+    let n = out.len();
+    let [lx, ly, lz] = batch.light.map(|s| &s[..n]);
+    let [vx, vy, vz] = batch.view.map(|s| &s[..n]);
+    let [_, _, rx, ry] = batch.lobe.map(|s| &s[..n]);
+    for i in 0..n {
+        out[i] = form(
+            Vec3::new(lx[i], ly[i], lz[i]),
+            Vec3::new(vx[i], vy[i], vz[i]),
             Vec2::new(1.0 / rx[i], 1.0 / ry[i]),
         );
     }
@@ -190,22 +209,22 @@ fn ward_bounded<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
 
 #[simd]
 fn beckmann<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
-    each(batch, out, beckmann::shade);
+    each(batch, out, beckmann::shade_half);
 }
 
 #[simd]
 fn ggx<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
-    each(batch, out, ggx::shade);
+    each(batch, out, ggx::shade_half);
 }
 
 #[simd]
 fn phong<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
-    each(batch, out, phong::shade);
+    each_round(batch, out, phong::shade);
 }
 
 #[simd]
 fn blinn_phong<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
-    each(batch, out, blinn_phong::shade);
+    each_round(batch, out, blinn_phong::shade);
 }
 
 #[cfg(test)]
