@@ -413,23 +413,16 @@ mod tests {
                 .map(of)
                 .fold(0.0, f64::max)
         };
-        for model in [
-            Model::Ward,
-            Model::WardExact,
-            Model::WardDuer,
-            Model::WardBounded,
-        ] {
-            // What the vectorised loops promise, at every angle.
+        for model in SPECULAR {
+            // The loops' arithmetic does not mind the angle.
             assert!(
-                worst(model, 0.05, 10.0, 90.0, |c| c.arithmetic) < 1e-5,
+                worst(model, 0.05, 10.0, 90.0, |c| c.arithmetic) < 1.2e-5,
                 "{model}"
             );
             assert!(
                 worst(model, 1e-3, 1000.0, 90.0, |c| c.arithmetic) < 2e-3,
                 "{model}"
             );
-        }
-        for model in SPECULAR {
             assert!(
                 worst(model, 0.05, 10.0, 85.0, |c| c.whole) < LEVELS[1],
                 "{model}"
