@@ -112,18 +112,59 @@ fn each_half(batch: &Batch<'_>, out: &mut [f32], form: impl Fn(Half) -> f32) {
     }
 }
 
-/// For the models that need l and v themselves in the texel's axes: calls the scalar form, which is safe already, with Hx and
-/// Hy besides. They are summed up before they are turned: near the peak l and v cancel, and each turned by itself would leave
-/// its rounding in place of the difference.
+/// A scalar form, which is safe already, from l and v, Hx and Hy, and the widths. A trait and no closure: the inliner weighs a
+/// closure with the form in it and leaves a long one outside of the loop, which then stays scalar.
+trait Form {
+    fn light(l: Vec3, v: Vec3, flat: Vec2, alpha: Vec2) -> f32;
+}
+
+struct Beckmann;
+
+impl Form for Beckmann {
+    #[inline(always)]
+    fn light(l: Vec3, v: Vec3, flat: Vec2, alpha: Vec2) -> f32 {
+        beckmann::shade_half(l, v, flat, alpha)
+    }
+}
+
+struct Ggx;
+
+impl Form for Ggx {
+    #[inline(always)]
+    fn light(l: Vec3, v: Vec3, flat: Vec2, alpha: Vec2) -> f32 {
+        ggx::shade_half(l, v, flat, alpha)
+    }
+}
+
+struct Phong;
+
+impl Form for Phong {
+    #[inline(always)]
+    fn light(l: Vec3, v: Vec3, _: Vec2, alpha: Vec2) -> f32 {
+        phong::shade(l, v, alpha)
+    }
+}
+
+struct BlinnPhong;
+
+impl Form for BlinnPhong {
+    #[inline(always)]
+    fn light(l: Vec3, v: Vec3, _: Vec2, alpha: Vec2) -> f32 {
+        blinn_phong::shade(l, v, alpha)
+    }
+}
+
+/// For the models that need l and v themselves in the texel's axes. Hx and Hy are summed up before they are turned: near the
+/// peak l and v cancel, and each turned by itself would leave its rounding in place of the difference.
 #[inline(always)]
-fn each(batch: &Batch<'_>, out: &mut [f32], form: impl Fn(Vec3, Vec3, Vec2, Vec2) -> f32) {
+fn each<F: Form>(batch: &Batch<'_>, out: &mut [f32]) {
     let n = out.len();
     let [lx, ly, lz] = batch.light.map(|s| &s[..n]);
     let [vx, vy, vz] = batch.view.map(|s| &s[..n]);
     let [c, s, rx, ry] = batch.lobe.map(|s| &s[..n]);
     for i in 0..n {
         let turned = |x: f32, y: f32| Vec2::new(c[i] * x + s[i] * y, c[i] * y - s[i] * x);
-        out[i] = form(
+        out[i] = F::light(
             turned(lx[i], ly[i]).extend(lz[i]),
             turned(vx[i], vy[i]).extend(vz[i]),
             turned(lx[i] + vx[i], ly[i] + vy[i]),
@@ -132,17 +173,18 @@ fn each(batch: &Batch<'_>, out: &mut [f32], form: impl Fn(Vec3, Vec3, Vec2, Vec2
     }
 }
 
-/// For the models that know no axis: calls the scalar form, which is safe already.
+/// For the models that know no axis.
 #[inline(always)]
-fn each_round(batch: &Batch<'_>, out: &mut [f32], form: impl Fn(Vec3, Vec3, Vec2) -> f32) {
+fn each_round<F: Form>(batch: &Batch<'_>, out: &mut [f32]) {
     let n = out.len();
     let [lx, ly, lz] = batch.light.map(|s| &s[..n]);
     let [vx, vy, vz] = batch.view.map(|s| &s[..n]);
     let [_, _, rx, ry] = batch.lobe.map(|s| &s[..n]);
     for i in 0..n {
-        out[i] = form(
+        out[i] = F::light(
             Vec3::new(lx[i], ly[i], lz[i]),
             Vec3::new(vx[i], vy[i], vz[i]),
+            Vec2::new(lx[i] + vx[i], ly[i] + vy[i]),
             Vec2::new(1.0 / rx[i], 1.0 / ry[i]),
         );
     }
@@ -209,22 +251,22 @@ fn ward_bounded<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
 
 #[simd]
 fn beckmann<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
-    each(batch, out, beckmann::shade_half);
+    each::<Beckmann>(batch, out);
 }
 
 #[simd]
 fn ggx<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
-    each(batch, out, ggx::shade_half);
+    each::<Ggx>(batch, out);
 }
 
 #[simd]
 fn phong<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
-    each_round(batch, out, phong::shade);
+    each_round::<Phong>(batch, out);
 }
 
 #[simd]
 fn blinn_phong<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
-    each_round(batch, out, blinn_phong::shade);
+    each_round::<BlinnPhong>(batch, out);
 }
 
 #[cfg(test)]
