@@ -12,6 +12,7 @@ mod flip;
 mod histogram;
 pub mod limits;
 mod lint;
+pub mod reduce;
 mod statistics;
 
 pub use albedo::{ALBEDO_DEGREES_MAX, Albedo, largest_albedo, lint_energy};

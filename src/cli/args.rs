@@ -1,5 +1,8 @@
 //! The grammar of the command line, with help and checks beside each option.
 
+use super::reduce::{parse_metric, parse_tolerance};
+use anisomap::analyse::reduce::Metric;
+use anisomap::brdf::Model;
 use anisomap::map::Size;
 use anisomap::preview::Look;
 use anisomap::recipe::{SEED_MAX, Target};
@@ -30,6 +33,8 @@ pub(super) enum Command {
     Preview(PreviewArgs),
     /// Tell a map's statistics and what is wrong with it
     Inspect(InspectArgs),
+    /// Find the least that looks the same: no map, a strip, a smaller one, fewer bits
+    Reduce(ReduceArgs),
     /// Make many maps from a manifest of recipes, sizes, seeds and sweeps
     Batch(BatchArgs),
     /// Measure on this machine what fails where, and draw it
@@ -204,6 +209,83 @@ pub(super) struct InspectArgs {
     #[arg(long)]
     pub(super) json: bool,
 }
+
+#[derive(Args)]
+#[command(after_long_help = REDUCE_HELP)]
+pub(super) struct ReduceArgs {
+    /// A preset by name; a recipe (.toml), a master EXR, or a .glb or .gltf with an anisotropy map by path. Example:
+    /// vinyl_record, out/pot.exr
+    #[arg(value_name = "RECIPE|PRESET|MAP")]
+    pub(super) input: String,
+    /// Folder for the files; made where it is missing. Example: -o out
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: PathBuf,
+    /// The largest mean error over the pixels where the mesh is seen; 99.9 % of them may have three times as much. About the same
+    /// to the eye: 0.01 in flip, 0.5 in de, 0.02 in luminance. Example: --tolerance 0.01
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_tolerance)]
+    pub(super) tolerance: f32,
+    #[command(flatten)]
+    pub(super) options: ReduceOptions,
+    /// Size of the map a recipe is filled at, in place of the recipe's. Example: --map-size 512
+    #[arg(long, value_name = "N|WxH")]
+    pub(super) map_size: Option<Size>,
+    #[command(flatten)]
+    pub(super) recipe_args: RecipeArgs,
+    /// JSON for scripts in place of the table: {name, metric, tolerance, picture, reference_samples, k_max, scenes, full,
+    /// reduced, dropped, recipe, files, tried}. Example: --json
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// Where the reduced map must look the same, and by what.
+#[derive(Args)]
+pub(super) struct ReduceOptions {
+    /// What errors are measured in: flip (0 to 1, as the eye sees), de (CIEDE2000), luminance (relative, before clipping, for
+    /// pictures that are worked on). Default: flip. Example: --metric de
+    #[arg(long, value_name = "METRIC", default_value = "flip", hide_default_value = true, value_parser = parse_metric)]
+    pub(super) metric: Metric,
+    /// A mesh it must look the same on, as often as needed: torus, pot, sphere, plane, cylinder, disc, or a .glb, .gltf or .obj
+    /// file. Default: the recipe's, the map's own, or torus. Example: --mesh pot --mesh sphere
+    #[arg(long, value_name = "MESH")]
+    pub(super) mesh: Vec<String>,
+    /// Direction toward a light that it must look the same under, y up, each a scene of its own; as often as needed. Default:
+    /// the recipe's lights together, or the studio's. Example: --light=-1,2,3 --light 2,0.5,1
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_light)]
+    pub(super) light: Vec<Vec3>,
+    /// A scene of your own, a .toml file with camera, lights and exposure; as often as needed. Example: --scene shot.toml
+    #[arg(long, value_name = "FILE")]
+    pub(super) scene: Vec<PathBuf>,
+    /// The model that it is seen with. Default: the recipe's first, or ward. Example: --model ggx
+    #[arg(long, value_name = "MODEL")]
+    pub(super) model: Option<Model>,
+    /// Size of the pictures that are compared, in pixels: as large as it will be seen. Default: 384. Example: --size 960x720
+    #[arg(
+        long,
+        value_name = "N|WxH",
+        default_value = "384",
+        hide_default_value = true
+    )]
+    pub(super) size: Size,
+    /// Exposure in stops, -16 to 16, in place of the recipe's. Example: --exposure=-0.5
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = parse_exposure)]
+    pub(super) exposure: Option<f32>,
+}
+
+const REDUCE_HELP: &str = "\
+It tries, from the fewest bytes upward: no map, a table outward from a centre, strips
+along u or v, smaller maps; isotropic, constant widths, one direction; 8 and 16 bits,
+halves, floats; and a cheaper model. What is out of the question by its closed form
+is not drawn; everything else is drawn in every scene, and what is taken is measured
+once more by the reference, from what the files give back.
+
+It writes NAME.reduced.toml, a recipe that stands for the reduced map and that every
+command reads, the PNG or EXR files that it names, and NAME.reduced.json, the report.
+
+A scene file holds, all but the camera optional:
+
+  camera = { eye = [0, 1, 4], target = [0, 0, 0] }
+  lights = [{ kind = \"directional\", toward = [1, 2, 3], irradiance = [2, 2, 2] }]
+  exposure = 0.5";
 
 #[derive(Args)]
 #[command(after_long_help = MANIFEST_HELP)]

@@ -12,6 +12,7 @@ mod input;
 mod inspect;
 mod presets;
 mod preview;
+mod reduce;
 mod stability;
 
 use args::{Arguments, Command};
@@ -47,6 +48,7 @@ fn dispatch(command: Command) -> Result {
         Command::Generate(args) => generate::run(args),
         Command::Preview(args) => preview::run(args),
         Command::Inspect(args) => inspect::run(args),
+        Command::Reduce(args) => reduce::run(args),
         Command::Batch(args) => batch::run(args),
         Command::Chart(args) => {
             console::catch_interrupts();

@@ -1,0 +1,199 @@
+//! A reduced map as files: a recipe that stands for it, and beside it what changes from texel to texel.
+
+use super::form::{Kept, round_degrees};
+use super::{Reduction, Shape};
+use crate::convention::MapInfo;
+use crate::convention::storage::Storage;
+use crate::error::{Error, Result};
+use crate::export::codes::write_codes;
+use crate::export::exr::{Precision, write_master};
+use crate::export::{Export, Written, beside, write_atomic};
+use crate::map::Size;
+use crate::pattern::{Constant, Pattern};
+use crate::progress::Progress;
+use crate::recipe::{Adjust, Image, Layer, Recipe, RecipeFile, Source, Stored};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// The first line of a reduced recipe, by which a later run knows that it may be replaced.
+const MARK: &str = "# A reduced map, written by anisomap. Copy it before you change it.";
+
+/// What was written.
+#[derive(Debug)]
+pub struct Saved {
+    /// The recipe that stands for the reduced map.
+    pub recipe: PathBuf,
+    /// Every file, the recipe first.
+    pub files: Vec<Written>,
+    /// Bytes of the files that hold texels.
+    pub map_bytes: u64,
+}
+
+/// A number of five digits.
+pub(super) fn round(x: f32) -> f32 {
+    format!("{x:.4e}").parse().unwrap_or(x)
+}
+
+impl Reduction {
+    /// Writes `STEM.reduced.toml` and what it names, reads it back, and makes sure that the map in it is the one that was
+    /// measured. `recipe` is what the full map was made of, or what is known of it: all but its layers is kept, and what files
+    /// it names are named as from the new file's folder.
+    ///
+    /// # Errors
+    /// [`Error::Write`] when a file cannot be written, [`Error::Invalid`] when a recipe of somebody's own lies where it would go.
+    pub fn write(&self, stem: &Path, recipe: &Recipe, aspect: f32) -> Result<Saved> {
+        let path = beside(stem, ".reduced.toml");
+        refuse_foreign(&path)?;
+        let (source, maps) = self.kept.write(stem, recipe)?;
+        let map_bytes = maps.iter().map(|f| f.bytes).sum();
+        let reduced = Recipe {
+            size: self.size_of_recipe()?,
+            aspect: Some(aspect),
+            wrap: self.kept.map.wrap(),
+            seed: 0,
+            adjust: Adjust::default(),
+            scene: self.scene(recipe),
+            layers: vec![Layer::new(source)],
+            ..recipe.clone()
+        };
+        let text = RecipeFile::new(reduced, &path)?.to_toml();
+        let written = write_atomic(&path, |f| {
+            f.write_all(format!("{MARK}\n{}\n{text}", self.told()).as_bytes())
+        })?;
+        self.verify(&path)?;
+        Ok(Saved {
+            recipe: path,
+            files: [vec![written], maps].concat(),
+            map_bytes,
+        })
+    }
+
+    /// What a reader of the recipe should know.
+    fn told(&self) -> String {
+        format!("# Kept: {}.", self.kept.form)
+    }
+
+    /// A grid is read at its own size; a table is laid out at the full one.
+    fn size_of_recipe(&self) -> Result<Size> {
+        match self.kept.form.shape {
+            Shape::Constant(_) => Size::new(1, 1),
+            Shape::Radial(..) | Shape::Grid(_) => Ok(self.kept.map.size()),
+        }
+    }
+
+    /// The recipe's scene; a cheaper model takes the place of the one that was asked for.
+    fn scene(&self, recipe: &Recipe) -> crate::recipe::Scene {
+        let mut scene = recipe.scene.clone();
+        let asked = self.trials.first().map_or(self.model, |t| t.model);
+        if asked != self.model {
+            scene.models = vec![self.model.name().to_owned()];
+        }
+        scene
+    }
+
+    /// Reads what was written as anybody would, and compares it to the bit.
+    fn verify(&self, path: &Path) -> Result<()> {
+        let file = RecipeFile::read(path)?;
+        let recipe = file.recipe();
+        let prepared = recipe.prepare(recipe.size, &file.files(false), &Progress::none())?;
+        let map = prepared.map(&Progress::none())?;
+        if map == self.kept.map {
+            return Ok(());
+        }
+        Err(
+            Error::file(path, "what was read back is not the map that was measured").with_hint(
+                "Something changed the files meanwhile, or the disk is at fault: run it again",
+            ),
+        )
+    }
+}
+
+/// A recipe that somebody wrote is never written over.
+fn refuse_foreign(path: &Path) -> Result<()> {
+    let there = match std::fs::read(path) {
+        Ok(there) => there,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(e) => return Err(Error::write(path)(e)),
+    };
+    if there.starts_with(MARK.as_bytes()) {
+        return Ok(());
+    }
+    Err(Error::invalid(
+        "the output",
+        path.display(),
+        "allowed: a folder without a file of yours by that name",
+    )
+    .with_hint("Name another folder"))
+}
+
+impl Kept {
+    /// Writes what changes from texel to texel, and gives the layer that stands for all of it.
+    fn write(&self, stem: &Path, recipe: &Recipe) -> Result<(Source, Vec<Written>)> {
+        if let Shape::Constant(texel) = self.form.shape {
+            let constant = Constant {
+                alpha_x: texel.alpha_x,
+                alpha_y: texel.alpha_y,
+                angle: round_degrees(texel.axis),
+            };
+            return Ok((Source::Pattern(Pattern::Constant(constant)), Vec::new()));
+        }
+        if !self.form.is_coded() {
+            return self.write_floats(stem, recipe);
+        }
+        let mut stored = Stored {
+            encoding: self.form.storage.widths.encoding,
+            low: self.form.storage.widths.low,
+            high: self.form.storage.widths.high,
+            alpha_x: self.same.alpha_x,
+            alpha_y: self.same.alpha_y,
+            axis_encoding: self.form.storage.axis.encoding,
+            angle: round_degrees(self.same.axis),
+            ..Stored::default()
+        };
+        let size = match self.form.shape {
+            Shape::Radial(radius, samples) => {
+                stored.radial = Some(radius);
+                Size::new(samples, 1)?
+            }
+            _ => self.map.size(),
+        };
+        let mut written = Vec::new();
+        if let Some((numbers, codes)) = &self.widths {
+            let path = beside(stem, ".reduced_widths.png");
+            stored.widths = Some(name(&path)?);
+            written.push(write_codes(&path, size, *numbers, codes)?);
+        }
+        if let Some(codes) = &self.axes {
+            let path = beside(stem, ".reduced_axis.png");
+            stored.axis = Some(name(&path)?);
+            let numbers = self.form.storage.axis.encoding.numbers();
+            written.push(write_codes(&path, size, numbers, codes)?);
+        }
+        Ok((Source::Stored(stored), written))
+    }
+
+    fn write_floats(&self, stem: &Path, recipe: &Recipe) -> Result<(Source, Vec<Written>)> {
+        let path = beside(stem, ".reduced.exr");
+        let precision = if self.form.storage == Storage::FULL {
+            Precision::Float
+        } else {
+            Precision::Half
+        };
+        let info = MapInfo {
+            name: recipe.name.clone(),
+            aspect: recipe.aspect_at(self.map.size()),
+            ..MapInfo::default()
+        };
+        let map = self.unrounded.as_ref().unwrap_or(&self.map);
+        let written = write_master(&path, &Export::new(map, &info), precision)?;
+        let file = name(&path)?;
+        Ok((Source::Image(Image { file }), vec![written]))
+    }
+}
+
+/// The name of a file beside the recipe.
+fn name(path: &Path) -> Result<String> {
+    let name = path.file_name().and_then(|name| name.to_str());
+    name.map(str::to_owned)
+        .ok_or_else(|| Error::file(path, "a recipe cannot name it: its path is no Unicode"))
+}

@@ -1,0 +1,277 @@
+//! How far a reduced map's picture is from the full one's, in the user's own scenes.
+
+use super::{Metric, Request, Setting};
+use crate::analyse::flip::{mean, quantile};
+use crate::analyse::{ColourDifference, Flip, PIXELS_PER_DEGREE};
+use crate::brdf::Model;
+use crate::error::{Error, Result};
+use crate::map::AnisoMap;
+use crate::preview::{
+    Background, Look, Picture, REFERENCE_SAMPLES, Scene, Subject, Timings, render, render_reference,
+};
+use crate::progress::Progress;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::time::Instant;
+
+/// The luminance below which errors count as if the pixel had it: 1 % of white, since nobody sees relative errors in black.
+const DARK: f32 = 0.01;
+/// Pictures that a time is the best of.
+const TIMED: usize = 5;
+
+/// How far two pictures are apart, over the pixels where the mesh is seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct PictureError {
+    /// The mean.
+    pub mean: f64,
+    /// What 99.9 % of the pixels do not exceed.
+    pub p999: f32,
+    /// The largest.
+    pub max: f32,
+}
+
+impl PictureError {
+    /// Whether it looks the same: mean at most the tolerance, 99.9th percentile at most three times it.
+    pub fn is_within(&self, tolerance: f32) -> bool {
+        self.mean <= f64::from(tolerance) && f64::from(self.p999) <= 3.0 * f64::from(tolerance)
+    }
+
+    /// Its share of the tolerance, whichever limit is nearer: at most 1 when it looks the same.
+    pub fn share(&self, tolerance: f32) -> f64 {
+        let tolerance = f64::from(tolerance);
+        (self.mean / tolerance).max(f64::from(self.p999) / (3.0 * tolerance))
+    }
+
+    fn of(values: &[f32], seen: &[bool]) -> Self {
+        let values: Vec<f32> = values
+            .iter()
+            .zip(seen)
+            .filter_map(|(v, seen)| seen.then_some(*v))
+            .collect();
+        Self {
+            mean: mean(&values),
+            p999: quantile(&values, 0.999),
+            max: values.iter().copied().fold(0.0, f32::max),
+        }
+    }
+}
+
+/// The error of `second` against `first` at every pixel.
+fn errors(metric: Metric, first: &Picture, second: &Picture) -> Result<Vec<f32>> {
+    Ok(match metric {
+        Metric::Flip => Flip::new(first, second, PIXELS_PER_DEGREE)?
+            .values()
+            .to_vec(),
+        Metric::De => ColourDifference::new(first, second)?.values().to_vec(),
+        Metric::Luminance => {
+            let y = |[r, g, b]: [f32; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            let pairs = first.pixels().par_iter().zip(second.pixels());
+            pairs
+                .map(|(&a, &b)| (y(b) - y(a)).abs() / y(a).max(DARK))
+                .collect()
+        }
+    })
+}
+
+/// The full map's pictures, and the means to draw others beside them.
+pub(super) struct Studio<'a> {
+    request: &'a Request<'a>,
+    /// Of each setting: the full map's picture as `preview` draws it, and where the mesh is.
+    drawn: Vec<(Picture, Vec<bool>)>,
+    /// The full map's reference pictures, drawn when the first is asked for.
+    references: Vec<Picture>,
+    /// Milliseconds of drawing every setting with the full map.
+    pub(super) milliseconds: f64,
+}
+
+impl<'a> Studio<'a> {
+    /// # Errors
+    /// When a scene or its mesh cannot be drawn or shows nothing of the mesh, and when `progress` cancels.
+    pub(super) fn new(request: &'a Request<'a>, progress: &Progress<'_>) -> Result<Self> {
+        let mut studio = Self {
+            request,
+            drawn: Vec::new(),
+            references: Vec::new(),
+            milliseconds: 0.0,
+        };
+        for setting in request.settings {
+            let picture = studio.draw(setting, request.map, request.model, progress)?;
+            let seen = studio.seen(setting, progress)?;
+            studio.drawn.push((picture, seen));
+        }
+        studio.milliseconds = studio.time(request.map, request.model, progress)?;
+        Ok(studio)
+    }
+
+    fn subject<'b>(&'b self, setting: &'b Setting, map: &'b AnisoMap) -> Subject<'b> {
+        Subject {
+            mesh: &setting.mesh,
+            map,
+            material: self.request.material,
+        }
+    }
+
+    fn draw(
+        &self,
+        setting: &Setting,
+        map: &AnisoMap,
+        model: Model,
+        progress: &Progress<'_>,
+    ) -> Result<Picture> {
+        let look = Look { model, mean: false };
+        let subject = self.subject(setting, map);
+        let size = self.request.size;
+        Ok(render(subject, &setting.scene, &[look], size, progress)?.swap_remove(0))
+    }
+
+    fn draw_reference(
+        &self,
+        setting: &Setting,
+        map: &AnisoMap,
+        model: Model,
+        progress: &Progress<'_>,
+    ) -> Result<Picture> {
+        let look = Look { model, mean: false };
+        let subject = self.subject(setting, map);
+        let (size, samples) = (self.request.size, self.reference_samples());
+        let scene = &setting.scene;
+        Ok(render_reference(subject, scene, &[look], size, samples, progress)?.swap_remove(0))
+    }
+
+    /// A map of N texels across a picture of n pixels wants N/n samples along a pixel's side.
+    pub(super) fn reference_samples(&self) -> u32 {
+        let (map, size) = (self.request.map.size(), self.request.size);
+        let across = map.width().div_ceil(size.width());
+        let wanted = across.max(map.height().div_ceil(size.height()));
+        let allowed = [REFERENCE_SAMPLES, 12, 16].into_iter();
+        allowed.filter(|n| *n >= wanted).min().unwrap_or(16)
+    }
+
+    /// Pixels that the mesh covers by half or more: where the colour behind it does not show.
+    fn seen(&self, setting: &Setting, progress: &Progress<'_>) -> Result<Vec<bool>> {
+        let against = |grey: f32| -> Result<Picture> {
+            let scene = Scene {
+                lights: Vec::new(),
+                background: Background {
+                    top: [grey; 3],
+                    bottom: [grey; 3],
+                },
+                ..setting.scene.clone()
+            };
+            let bare = Setting {
+                scene,
+                ..setting.clone()
+            };
+            self.draw(&bare, self.request.map, Model::Lambert, progress)
+        };
+        let (black, white) = (against(0.0)?, against(1.0)?);
+        let pairs = black.pixels().iter().zip(white.pixels());
+        let seen: Vec<bool> = pairs.map(|(a, b)| b[1] - a[1] < 0.5).collect();
+        if seen.contains(&true) {
+            return Ok(seen);
+        }
+        Err(Error::invalid(
+            "the picture",
+            format!("empty: no pixel of it is covered by {}", setting.name()),
+            "allowed: scenes that show the mesh",
+        )
+        .with_hint("Make the picture larger, or turn the camera toward the mesh"))
+    }
+
+    /// The error of a map and model in the setting where it is worst, as `preview` draws them.
+    pub(super) fn error(
+        &self,
+        map: &AnisoMap,
+        model: Model,
+        progress: &Progress<'_>,
+    ) -> Result<PictureError> {
+        let mut worst = PictureError::default();
+        for (setting, (full, seen)) in self.request.settings.iter().zip(&self.drawn) {
+            let picture = self.draw(setting, map, model, progress)?;
+            let found = PictureError::of(&errors(self.request.metric, full, &picture)?, seen);
+            worst = self.worse(worst, found);
+            // One setting that fails is enough.
+            if !worst.is_within(self.request.tolerance) {
+                break;
+            }
+        }
+        Ok(worst)
+    }
+
+    /// The error in every setting, as the reference draws them.
+    pub(super) fn reference_errors(
+        &mut self,
+        map: &AnisoMap,
+        model: Model,
+        progress: &Progress<'_>,
+    ) -> Result<Vec<PictureError>> {
+        let (request, settings) = (self.request, self.request.settings);
+        if self.references.is_empty() {
+            self.references = settings
+                .iter()
+                .map(|s| self.draw_reference(s, request.map, request.model, progress))
+                .collect::<Result<_>>()?;
+        }
+        let measured = settings.iter().enumerate().map(|(i, setting)| {
+            let picture = self.draw_reference(setting, map, model, progress)?;
+            let values = errors(request.metric, &self.references[i], &picture)?;
+            Ok(PictureError::of(&values, &self.drawn[i].1))
+        });
+        measured.collect()
+    }
+
+    fn worse(&self, a: PictureError, b: PictureError) -> PictureError {
+        let tolerance = self.request.tolerance;
+        if b.share(tolerance) >= a.share(tolerance) {
+            b
+        } else {
+            a
+        }
+    }
+
+    /// Milliseconds of drawing every setting once, the map being prepared: the best of a few.
+    pub(super) fn time(
+        &self,
+        map: &AnisoMap,
+        model: Model,
+        progress: &Progress<'_>,
+    ) -> Result<f64> {
+        let off = Timings::off();
+        let looks = [Look { model, mean: false }];
+        let mut sum = 0.0;
+        for setting in self.request.settings {
+            let prepared = self.subject(setting, map).prepare(&off)?;
+            let mut pictures = [Picture::new(self.request.size, [0.0; 3])];
+            let mut best = f64::INFINITY;
+            for _ in 0..TIMED {
+                let started = Instant::now();
+                prepared.draw(&setting.scene, &looks, &mut pictures, &off, progress)?;
+                best = best.min(started.elapsed().as_secs_f64());
+            }
+            sum += 1e3 * best;
+        }
+        Ok(sum)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::Size;
+
+    #[test]
+    fn luminance_errors_are_relative_down_to_one_percent_of_white() {
+        let grey = |v| Picture::new(Size::new(2, 1).unwrap(), [v; 3]);
+        let error = |a, b| errors(Metric::Luminance, &grey(a), &grey(b)).unwrap()[0];
+        assert!((error(0.5, 0.4) - 0.2).abs() < 1e-6);
+        assert!((error(0.001, 0.002) - 0.1).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_lies_beside_the_mesh_does_not_count() {
+        let e = PictureError::of(&[0.1, 9.0, 0.3], &[true, false, true]);
+        assert!((e.mean - 0.2).abs() < 1e-6 && e.max == 0.3);
+        assert!(e.is_within(0.2 + 1e-6) && !e.is_within(0.19) && !e.is_within(0.09));
+        assert!((e.share(0.1) - 2.0).abs() < 1e-6);
+    }
+}

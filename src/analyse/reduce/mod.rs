@@ -1,0 +1,648 @@
+//! The least that looks the same: no map, a strip, a smaller map, fewer numbers, fewer bits, a cheaper model.
+//!
+//! Each kind of saving is first tried alone on the full map, the hopeless ones judged by a closed form ([`predict`]). What passes
+//! alone is then combined, from the fewest bytes upward, and each combination is drawn in every one of the user's scenes, since
+//! errors add up. The first that passes is drawn once more by the reference (f64, many samples a pixel) beside the full map's
+//! reference; only if it is within the tolerance there too it is taken, or else the search goes on. The full map in floats is always
+//! left, and has no error.
+
+mod files;
+mod form;
+mod measure;
+mod predict;
+mod report;
+
+pub use files::Saved;
+pub use form::{Axes, Form, Shape, Widths};
+pub use measure::PictureError;
+
+use super::field::{Poles, walk};
+use crate::brdf::Model;
+use crate::convention::storage::Storage;
+use crate::error::{Error, Result};
+use crate::map::{AnisoMap, Size};
+use crate::mesh::Mesh;
+use crate::preview::Scene;
+use crate::progress::Progress;
+use crate::recipe::Material;
+use form::Kept;
+use glam::Vec2;
+use measure::Studio;
+use predict::{Predictor, is_hopeless};
+use serde::Serialize;
+use std::fmt;
+use std::str::FromStr;
+use std::sync::Arc;
+
+/// What two pictures are told apart by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Metric {
+    /// LDR-FLIP, 0 to 1: what an observer sees who flips between the pictures.
+    #[default]
+    Flip,
+    /// The colour difference CIEDE2000; about 1 can just be seen.
+    De,
+    /// |Y2 - Y1| / max(Y1, 0.01), Y the linear luminance before it is clipped, 1 for white: for pictures that are worked on.
+    Luminance,
+}
+
+impl Metric {
+    /// Every metric, in the order the help lists them.
+    pub const ALL: [Self; 3] = [Self::Flip, Self::De, Self::Luminance];
+
+    /// The word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Flip => "flip",
+            Self::De => "de",
+            Self::Luminance => "luminance",
+        }
+    }
+
+    /// The largest tolerance that says anything.
+    fn most(self) -> f32 {
+        match self {
+            Self::Flip => 1.0,
+            Self::De => 100.0,
+            Self::Luminance => 100.0,
+        }
+    }
+}
+
+impl fmt::Display for Metric {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Metric {
+    type Err = Error;
+
+    fn from_str(word: &str) -> Result<Self> {
+        let found = Self::ALL.into_iter().find(|m| m.name() == word);
+        found.ok_or_else(|| {
+            let words = Self::ALL.map(Self::name);
+            let error = Error::invalid(
+                "the metric",
+                format!("`{word}`"),
+                format!("allowed: {}", words.join(", ")),
+            );
+            match crate::error::nearest_word(word, words) {
+                Some(near) => error.with_hint(format!("Did you mean `{near}`?")),
+                None => error,
+            }
+        })
+    }
+}
+
+/// A mesh under lights, seen from somewhere: where the reduced map must look the same.
+#[derive(Clone, Debug)]
+pub struct Setting {
+    /// What the mesh is called in reports.
+    pub mesh_name: String,
+    /// What the lights are called.
+    pub light_name: String,
+    /// The mesh.
+    pub mesh: Arc<Mesh>,
+    /// Camera, lights, exposure, samples of the search.
+    pub scene: Scene,
+}
+
+impl Setting {
+    /// Both names.
+    pub fn name(&self) -> String {
+        format!("{} under {}", self.mesh_name, self.light_name)
+    }
+}
+
+/// What is asked for.
+pub struct Request<'a> {
+    /// The full map.
+    pub map: &'a AnisoMap,
+    /// The surface's width over its height for one turn of UV, over 0.
+    pub aspect: f32,
+    /// The colours it is seen with.
+    pub material: &'a Material,
+    /// The model it is seen with.
+    pub model: Model,
+    /// Where it must look the same: in each of them, and in one at least.
+    pub settings: &'a [Setting],
+    /// What errors are measured in.
+    pub metric: Metric,
+    /// The largest mean error, over 0; 99.9 % of the pixels may have three times as much.
+    pub tolerance: f32,
+    /// The size of the pictures.
+    pub size: Size,
+}
+
+impl Request<'_> {
+    fn check(&self) -> Result<()> {
+        let most = self.metric.most();
+        if !(self.tolerance > 0.0 && self.tolerance <= most) {
+            return Err(Error::invalid(
+                "the tolerance",
+                self.tolerance,
+                format!("allowed: over 0, to {most} in {}", self.metric),
+            ));
+        }
+        if self.settings.is_empty() {
+            let allowed = "allowed: one mesh and light or more";
+            return Err(Error::invalid("the scenes", "an empty list", allowed));
+        }
+        self.settings.iter().try_for_each(|s| s.scene.check())
+    }
+}
+
+/// What came of one thing that was tried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// It is what was taken.
+    Taken,
+    /// It looks the same as `preview` draws it.
+    Same,
+    /// It is seen.
+    Seen,
+    /// The closed form says that it is far over the tolerance; nothing was drawn.
+    Hopeless,
+    /// Its parts, measured alone, add up to more than the tolerance; nothing was drawn.
+    AddsUp,
+    /// It looks the same as `preview` draws it, but not as the reference does.
+    SeenByReference,
+}
+
+impl Verdict {
+    /// In a few words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Taken => "taken",
+            Self::Same => "looks the same",
+            Self::Seen => "is seen",
+            Self::Hopeless => "far over by its closed form, not drawn",
+            Self::AddsUp => "its parts add up to more, not drawn",
+            Self::SeenByReference => "is seen by the reference",
+        }
+    }
+}
+
+/// One thing that was tried.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trial {
+    /// What.
+    pub what: String,
+    /// Its model.
+    #[serde(serialize_with = "model_name")]
+    pub model: Model,
+    /// Bytes of the map in memory.
+    pub bytes: u64,
+    /// By how much the closed form lets a lobe change, relative; none where there is no closed form.
+    pub predicted: Option<f32>,
+    /// The error where it is worst, if it was drawn.
+    pub error: Option<PictureError>,
+    /// What came of it.
+    pub verdict: Verdict,
+}
+
+fn model_name<S: serde::Serializer>(model: &Model, s: S) -> std::result::Result<S::Ok, S::Error> {
+    s.serialize_str(model.name())
+}
+
+/// The least that looks the same.
+pub struct Reduction {
+    kept: Kept,
+    /// The model it is seen with: the one asked for, or a cheaper one.
+    pub model: Model,
+    /// The error in each setting, measured by the reference; a full map's is 0 without being measured.
+    pub errors: Vec<PictureError>,
+    /// Everything that was tried, in order.
+    pub trials: Vec<Trial>,
+    /// The exponent up to which a lobe shows, which the closed forms start from.
+    pub k_max: f32,
+    /// Samples along a pixel's side of the reference.
+    pub reference_samples: u32,
+    /// Bytes of the full map in memory.
+    pub full_bytes: u64,
+    /// Milliseconds of drawing every setting with the full map and the model asked for.
+    pub full_milliseconds: f64,
+    /// The same of the reduced map and its model.
+    pub milliseconds: f64,
+}
+
+impl Reduction {
+    /// What is kept.
+    pub fn form(&self) -> Form {
+        self.kept.form
+    }
+
+    /// The reduced map as whoever reads its files gets it.
+    pub fn map(&self) -> &AnisoMap {
+        &self.kept.map
+    }
+}
+
+/// Finds the least that looks the same.
+///
+/// # Errors
+/// When the tolerance, a scene or a mesh cannot be used, and when `progress` cancels.
+pub fn least(request: &Request<'_>, progress: &Progress<'_>) -> Result<Reduction> {
+    request.check()?;
+    let mut search = Search {
+        studio: Studio::new(request, progress)?,
+        predictor: Predictor::new(request.map, request.material, request.size)?,
+        request,
+        progress,
+        trials: Vec::new(),
+    };
+    search.run()
+}
+
+/// A part that passed alone, with its share of the tolerance.
+type Passed<T> = Vec<(T, f64)>;
+
+struct Search<'a> {
+    request: &'a Request<'a>,
+    studio: Studio<'a>,
+    predictor: Predictor,
+    progress: &'a Progress<'a>,
+    trials: Vec<Trial>,
+}
+
+/// Models that are cheaper than one, the cheapest first: those that `cargo bench --bench brdf` measures at least a tenth faster.
+fn cheaper(model: Model) -> &'static [Model] {
+    match model {
+        Model::Lambert => &[],
+        Model::Ward => &[Model::Lambert, Model::WardExact],
+        Model::WardExact | Model::WardDuer | Model::WardBounded | Model::Ggx => &[Model::Lambert],
+        Model::Beckmann => &[
+            Model::Lambert,
+            Model::WardExact,
+            Model::WardBounded,
+            Model::Ggx,
+        ],
+        Model::BlinnPhong => &[Model::Lambert, Model::WardExact],
+        Model::Phong => &[Model::Lambert, Model::WardExact, Model::BlinnPhong],
+    }
+}
+
+impl Search<'_> {
+    fn run(&mut self) -> Result<Reduction> {
+        for form in self.constants()? {
+            if let Some((kept, _)) = self.tried(form)?
+                && let Some(found) = self.confirmed(kept)?
+            {
+                return Ok(found);
+            }
+        }
+        for (form, adds_up) in self.combinations()? {
+            if adds_up > ADDED_MAX {
+                self.log(form, None, None, Verdict::AddsUp);
+            } else if let Some((kept, _)) = self.tried(form)?
+                && let Some(found) = self.confirmed(kept)?
+            {
+                return Ok(found);
+            }
+        }
+        self.full()
+    }
+
+    /// Nothing smaller looks the same: the full map.
+    fn full(&mut self) -> Result<Reduction> {
+        let form = Form::full(Shape::Grid(self.request.map.size()));
+        let kept = self.kept(form)?;
+        self.log(
+            form,
+            Some(0.0),
+            Some(PictureError::default()),
+            Verdict::Taken,
+        );
+        let errors = vec![PictureError::default(); self.request.settings.len()];
+        self.end(kept, self.request.model, errors)
+    }
+
+    fn end(&mut self, kept: Kept, model: Model, errors: Vec<PictureError>) -> Result<Reduction> {
+        let full = Form::full(Shape::Grid(self.request.map.size()));
+        Ok(Reduction {
+            milliseconds: self.studio.time(&kept.map, model, self.progress)?,
+            kept,
+            model,
+            errors,
+            trials: std::mem::take(&mut self.trials),
+            k_max: self.predictor.k_max(),
+            reference_samples: self.studio.reference_samples(),
+            full_bytes: full.bytes(),
+            full_milliseconds: self.studio.milliseconds,
+        })
+    }
+
+    fn log(
+        &mut self,
+        form: Form,
+        predicted: Option<f32>,
+        error: Option<PictureError>,
+        verdict: Verdict,
+    ) {
+        self.trials.push(Trial {
+            what: form.to_string(),
+            model: self.request.model,
+            bytes: form.bytes(),
+            predicted,
+            error,
+            verdict,
+        });
+    }
+
+    fn kept(&self, form: Form) -> Result<Kept> {
+        let (map, aspect) = (self.request.map, self.request.aspect);
+        let base = form::base(map, aspect, form.shape)?;
+        Kept::new(&base, form, aspect, (map.size(), map.wrap()))
+    }
+
+    /// Draws a form with the model asked for; gives it back with its share of the tolerance if it looks the same.
+    fn tried(&mut self, form: Form) -> Result<Option<(Kept, f64)>> {
+        self.progress.expect(1);
+        let kept = self.kept(form)?;
+        let predicted = self.predictor.of_map(&kept.map);
+        let request = self.request;
+        if is_hopeless(request.metric, predicted, request.tolerance) {
+            self.log(kept.form, Some(predicted), None, Verdict::Hopeless);
+            self.progress.step()?;
+            return Ok(None);
+        }
+        let error = self.studio.error(&kept.map, request.model, self.progress)?;
+        let same = error.is_within(request.tolerance);
+        let verdict = if same { Verdict::Same } else { Verdict::Seen };
+        self.log(kept.form, Some(predicted), Some(error), verdict);
+        self.progress.step()?;
+        Ok(same.then(|| (kept, error.share(request.tolerance))))
+    }
+
+    /// The share of the tolerance that a form takes alone, if it looks the same.
+    fn alone(&mut self, form: Form) -> Result<Option<f64>> {
+        Ok(self.tried(form)?.map(|(_, share)| share))
+    }
+
+    /// Tries cheaper models on what looks the same, and has the reference confirm it; without the cheaper model if need be.
+    fn confirmed(&mut self, kept: Kept) -> Result<Option<Reduction>> {
+        let own = self.request.model;
+        let cheap = self.cheaper_model(&kept)?;
+        for model in cheap.into_iter().chain([own]) {
+            let errors = self
+                .studio
+                .reference_errors(&kept.map, model, self.progress)?;
+            let tolerance = self.request.tolerance;
+            let within = errors.iter().all(|e| e.is_within(tolerance));
+            let worst = errors
+                .iter()
+                .copied()
+                .max_by(|a, b| a.share(tolerance).total_cmp(&b.share(tolerance)));
+            self.trials.push(Trial {
+                what: format!("{}, by the reference", kept.form),
+                model,
+                bytes: kept.form.bytes(),
+                predicted: None,
+                error: worst,
+                verdict: if within {
+                    Verdict::Taken
+                } else {
+                    Verdict::SeenByReference
+                },
+            });
+            if within {
+                return self.end(kept, model, errors).map(Some);
+            }
+        }
+        Ok(None)
+    }
+
+    /// The cheapest model with which a reduced map looks like the full one with the model asked for.
+    fn cheaper_model(&mut self, kept: &Kept) -> Result<Option<Model>> {
+        let request = self.request;
+        for &model in cheaper(request.model) {
+            let predicted = self.predictor.of_model(request.model, model);
+            let hopeless =
+                predicted.is_some_and(|p| is_hopeless(request.metric, p, request.tolerance));
+            let error = if hopeless {
+                None
+            } else {
+                Some(self.studio.error(&kept.map, model, self.progress)?)
+            };
+            let verdict = match error {
+                None => Verdict::Hopeless,
+                Some(e) if e.is_within(request.tolerance) => Verdict::Same,
+                Some(_) => Verdict::Seen,
+            };
+            self.trials.push(Trial {
+                what: format!("model {model} on {}", kept.form),
+                model,
+                bytes: kept.form.bytes(),
+                predicted,
+                error,
+                verdict,
+            });
+            if verdict == Verdict::Same {
+                return Ok(Some(model));
+            }
+        }
+        Ok(None)
+    }
+
+    /// No map: one texel, by its mean lobe and by its typical numbers.
+    fn constants(&self) -> Result<Vec<Form>> {
+        let map = self.request.map;
+        let mut texels = vec![form::mean_lobe(map)?, form::typical(map)];
+        texels.dedup();
+        let shapes = texels.into_iter().map(Shape::Constant);
+        Ok(shapes.map(Form::full).collect())
+    }
+
+    /// Combinations of what passes alone, from the fewest bytes upward, each with what its parts add up to.
+    fn combinations(&mut self) -> Result<Vec<(Form, f64)>> {
+        let full = Shape::Grid(self.request.map.size());
+        let grids = self.grids()?;
+        let kinds = self.kinds(full)?;
+        let storages = self.storages(full)?;
+        let mut all = combine(&grids, &kinds, &storages);
+        for center in self.centers() {
+            all.extend(self.tables(center)?);
+        }
+        all.sort_by(|(a, p), (b, q)| a.bytes().cmp(&b.bytes()).then(p.total_cmp(q)));
+        let most = Form::full(full).bytes();
+        all.retain(|(form, _)| form.bytes() < most);
+        Ok(all)
+    }
+
+    /// What may be left out of every texel of a shape, with nothing left out as the last.
+    fn kinds(&mut self, shape: Shape) -> Result<Passed<(Widths, Axes)>> {
+        let mut passed = Vec::new();
+        for (widths, axes) in [
+            (Widths::Round, Axes::Same),
+            (Widths::Same, Axes::Each),
+            (Widths::Each, Axes::Same),
+        ] {
+            let form = Form {
+                widths,
+                axes,
+                ..Form::full(shape)
+            };
+            if let Some(share) = self.alone(form)? {
+                passed.push(((widths, axes), share));
+            }
+        }
+        passed.push(((Widths::Each, Axes::Each), 0.0));
+        Ok(passed)
+    }
+
+    /// Storages that pass on a shape, with floats as the last.
+    fn storages(&mut self, shape: Shape) -> Result<Passed<Storage>> {
+        let mut passed = Vec::new();
+        for storage in form::storages() {
+            let form = Form {
+                storage,
+                ..Form::full(shape)
+            };
+            if let Some(share) = self.alone(form)? {
+                passed.push((storage, share));
+            }
+        }
+        passed.push((Storage::FULL, 0.0));
+        Ok(passed)
+    }
+
+    /// Sizes that pass, each got from the one before by halving both sides or one, and strips.
+    fn grids(&mut self) -> Result<Passed<Shape>> {
+        let full = self.request.map.size();
+        let mut passed = vec![(Shape::Grid(full), 0.0)];
+        let strips = [Size::new(full.width(), 1)?, Size::new(1, full.height())?];
+        for strip in strips.into_iter().filter(|s| *s != full) {
+            if let Some(share) = self.alone(Form::full(Shape::Grid(strip)))? {
+                passed.push((Shape::Grid(strip), share));
+                self.halve(strip, &mut passed)?;
+            }
+        }
+        self.halve(full, &mut passed)?;
+        Ok(passed)
+    }
+
+    fn halve(&mut self, from: Size, passed: &mut Passed<Shape>) -> Result<()> {
+        let mut size = from;
+        'smaller: loop {
+            let (w, h) = (size.width().div_ceil(2), size.height().div_ceil(2));
+            let mut halves = vec![(w, h), (w, size.height()), (size.width(), h)];
+            halves.dedup();
+            for (w, h) in halves {
+                let half = Size::new(w, h)?;
+                let known = half == size || passed.iter().any(|(s, _)| *s == Shape::Grid(half));
+                if known {
+                    continue;
+                }
+                if let Some(share) = self.alone(Form::full(Shape::Grid(half)))? {
+                    passed.push((Shape::Grid(half), share));
+                    size = half;
+                    continue 'smaller;
+                }
+            }
+            return Ok(());
+        }
+    }
+
+    /// Where a table outward may have its centre: in the middle of the map, and where its one pole lies.
+    fn centers(&self) -> Vec<Vec2> {
+        let mut centers = vec![Vec2::splat(0.5)];
+        let (w, h) = (self.request.map.width(), self.request.map.height());
+        if let Poles::Each(poles) = walk(self.request.map).poles
+            && let [(place, 2)] = poles[..]
+        {
+            // The pole lies where four texels meet.
+            let pole = Vec2::new(
+                (place.x + 1) as f32 / w as f32,
+                1.0 - (place.y + 1) as f32 / h as f32,
+            );
+            if pole.distance(centers[0]) > 2.0 / w.min(h) as f32 {
+                centers.push(pole);
+            }
+        }
+        centers
+    }
+
+    /// Tables around a centre, in combination.
+    fn tables(&mut self, center: Vec2) -> Result<Vec<(Form, f64)>> {
+        let (map, aspect) = (self.request.map, self.request.aspect);
+        if map.width() < 4 || map.height() < 4 {
+            return Ok(Vec::new());
+        }
+        let Shape::Radial(radius, _) = form::radial(center, aspect, 1) else {
+            return Ok(Vec::new());
+        };
+        // As many samples as the map has texels on the way.
+        let per_unit = (map.width() as f32 / aspect).max(map.height() as f32);
+        let most = (radius.reach * per_unit).ceil().clamp(1.0, 32_768.0) as u32;
+        let first = form::radial(center, aspect, most);
+        let Some(share) = self.alone(Form::full(first))? else {
+            return Ok(Vec::new());
+        };
+        let mut shapes = vec![(first, share)];
+        let mut samples = most.div_ceil(2);
+        while samples > 1 {
+            let shape = form::radial(center, aspect, samples);
+            let Some(share) = self.alone(Form::full(shape))? else {
+                break;
+            };
+            shapes.push((shape, share));
+            samples = samples.div_ceil(2);
+        }
+        let kinds = self.kinds(first)?;
+        let storages = self.storages(first)?;
+        // Their shares hold that of the table itself already; drawing will tell.
+        let plain = |mut list: Passed<(Widths, Axes)>| {
+            list.iter_mut().for_each(|(_, share)| *share = 0.0);
+            list
+        };
+        let storages: Passed<Storage> = storages.into_iter().map(|(s, _)| (s, 0.0)).collect();
+        Ok(combine(&shapes, &plain(kinds), &storages))
+    }
+}
+
+/// What parts may add up to, as a share of the tolerance, for a combination to be worth drawing.
+const ADDED_MAX: f64 = 1.1;
+
+/// Every combination; errors of parts that have nothing to do with each other add up as squares do.
+fn combine(
+    shapes: &Passed<Shape>,
+    kinds: &Passed<(Widths, Axes)>,
+    storages: &Passed<Storage>,
+) -> Vec<(Form, f64)> {
+    let mut all = Vec::new();
+    for &(shape, a) in shapes {
+        for &((widths, axes), b) in kinds {
+            for &(storage, c) in storages {
+                let form = Form {
+                    shape,
+                    widths,
+                    axes,
+                    storage,
+                };
+                let whole = widths == Widths::Each && axes == Axes::Each;
+                let is_table = matches!(shape, Shape::Radial(..));
+                // Floats are whole maps in files that every program reads.
+                if form.is_coded() || (whole && !is_table) {
+                    all.push((form, (a * a + b * b + c * c).sqrt()));
+                }
+            }
+        }
+    }
+    // Without axes, or without widths, storages that differ in nothing else are one.
+    let mut seen: Vec<(Form, f64)> = Vec::new();
+    for (form, share) in all {
+        let same = |other: &Form| {
+            other.shape == form.shape
+                && (other.widths, other.axes) == (form.widths, form.axes)
+                && (form.widths == Widths::Same || other.storage.widths == form.storage.widths)
+                && (form.axes == Axes::Same || other.storage.axis == form.storage.axis)
+        };
+        if !seen.iter().any(|(other, _)| same(other)) {
+            seen.push((form, share));
+        }
+    }
+    seen
+}

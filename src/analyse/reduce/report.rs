@@ -1,0 +1,137 @@
+//! What a reduction says of itself: nothing is dropped silently.
+
+use super::{Axes, Reduction, Request, Saved, Shape, Widths};
+use crate::convention::storage::Storage;
+use serde_json::{Value, json};
+
+impl Reduction {
+    /// What the reduced map no longer has, a sentence each; empty for the full map.
+    pub fn dropped(&self, request: &Request<'_>) -> Vec<String> {
+        let full = request.map.size();
+        let form = self.form();
+        let mut dropped = Vec::new();
+        match form.shape {
+            Shape::Constant(_) => {
+                return [
+                    vec![format!("the map: one texel stands for all {full}")],
+                    self.dropped_model(request),
+                ]
+                .concat();
+            }
+            Shape::Radial(_, samples) => dropped.push(format!(
+                "what changes around the centre: {samples} samples outward stand for {full} texels"
+            )),
+            Shape::Grid(size) if size != full => {
+                dropped.push(format!("texels: {size} stand for {full}"));
+            }
+            Shape::Grid(_) => {}
+        }
+        match form.widths {
+            Widths::Each => {}
+            Widths::Round => {
+                dropped.push("the difference between the widths, and with it the axis".to_owned());
+            }
+            Widths::Same => dropped.push("how the widths change".to_owned()),
+        }
+        if form.axes == Axes::Same && form.widths != Widths::Round {
+            dropped.push(match form.shape {
+                Shape::Radial(..) => {
+                    "how the axis changes against the outward direction".to_owned()
+                }
+                _ => "how the axis changes".to_owned(),
+            });
+        }
+        if form.storage != Storage::FULL {
+            dropped.push(self.dropped_bits());
+        }
+        [dropped, self.dropped_model(request)].concat()
+    }
+
+    fn dropped_bits(&self) -> String {
+        let form = self.form();
+        let mut kept = Vec::new();
+        if form.widths != Widths::Same {
+            let widths = form.storage.widths;
+            let alphas = self
+                .kept
+                .map
+                .alpha_x()
+                .iter()
+                .chain(self.kept.map.alpha_y());
+            let worst = alphas
+                .map(|a| widths.relative_error(*a))
+                .fold(0.0, f32::max);
+            kept.push(format!("widths as {widths} within {:.2} %", 100.0 * worst));
+        }
+        if form.axes == Axes::Each {
+            let axis = form.storage.axis;
+            let degrees = axis.angle_error().to_degrees();
+            kept.push(format!("the axis as {axis} within {degrees:.3} degrees"));
+        }
+        format!("bits: {}", kept.join(", "))
+    }
+
+    fn dropped_model(&self, request: &Request<'_>) -> Vec<String> {
+        let same = self.model == request.model;
+        let text = format!("the model: {} in place of {}", self.model, request.model);
+        if same { Vec::new() } else { vec![text] }
+    }
+
+    /// Everything as JSON, whose keys stay as they are from version to version.
+    pub fn to_json(&self, request: &Request<'_>, saved: &Saved) -> Value {
+        let form = self.form();
+        let full = request.map.size();
+        let settings = request.settings.iter().zip(&self.errors);
+        let scenes: Vec<Value> = settings
+            .map(|(setting, error)| {
+                json!({
+                    "mesh": setting.mesh_name,
+                    "light": setting.light_name,
+                    "exposure": setting.scene.exposure,
+                    "error": error,
+                })
+            })
+            .collect();
+        json!({
+            "metric": request.metric,
+            "tolerance": { "mean": request.tolerance, "p999": 3.0 * request.tolerance },
+            "picture": [request.size.width(), request.size.height()],
+            "reference_samples": self.reference_samples,
+            "k_max": self.k_max,
+            "scenes": scenes,
+            "full": {
+                "size": [full.width(), full.height()],
+                "model": request.model.name(),
+                "bytes": self.full_bytes,
+                "milliseconds": self.full_milliseconds,
+            },
+            "reduced": {
+                "kind": form.kind(),
+                "size": size(form.shape),
+                "widths": form.widths,
+                "axes": form.axes,
+                "storage": match form.shape {
+                    Shape::Constant(_) => Value::Null,
+                    _ => json!(form.storage.to_string()),
+                },
+                "model": self.model.name(),
+                "bytes": form.bytes(),
+                "bytes_per_texel": form.bytes_per_texel(),
+                "file_bytes": saved.map_bytes,
+                "milliseconds": self.milliseconds,
+            },
+            "dropped": self.dropped(request),
+            "recipe": saved.recipe,
+            "files": saved.files,
+            "tried": self.trials,
+        })
+    }
+}
+
+fn size(shape: Shape) -> Value {
+    match shape {
+        Shape::Constant(_) => json!([0, 0]),
+        Shape::Radial(_, samples) => json!([samples, 1]),
+        Shape::Grid(size) => json!([size.width(), size.height()]),
+    }
+}
