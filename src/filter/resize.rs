@@ -114,10 +114,13 @@ fn reduce_row(map: &AnisoMap, mut band: RegionMut<'_>, rows: &Span, columns: &[S
     for y in rows.cells.clone() {
         let start = y as usize * map.width() as usize;
         for (sum, column) in sums.iter_mut().zip(columns) {
+            // A row at a time: in one sum of a million texels f32 loses a percent of a narrow width.
+            let mut row = Sum::default();
             for x in column.cells.clone() {
                 let texel = map.texel_at(start + x as usize);
-                sum.add(texel.into(), rows.weight(y) * column.weight(x));
+                row.add(texel.into(), column.weight(x));
             }
+            sum.add(row, rows.weight(y));
         }
     }
     for (i, (sum, column)) in sums.iter().zip(columns).enumerate() {
@@ -183,6 +186,19 @@ mod tests {
         let kept = small.texel(1, 0);
         assert!((kept.alpha_x - 0.1).abs() < 1e-5 && (kept.alpha_y - 0.4).abs() < 1e-5);
         assert!((kept.axis.degrees() - 30.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_large_area_keeps_its_digits() {
+        let texel = Texel {
+            alpha_x: 0.1,
+            alpha_y: 0.3,
+            axis: Axis::from_degrees(20.0),
+        };
+        let map = AnisoMap::constant(Size::new(1024, 1024).unwrap(), Wrap::Repeat, texel);
+        let one = reduce(&map, Size::new(1, 1).unwrap()).unwrap().texel(0, 0);
+        assert!((one.alpha_x / 0.1 - 1.0).abs() < 1e-3, "{one:?}");
+        assert!(one.axis.angle_to(texel.axis).to_degrees() < 0.01, "{one:?}");
     }
 
     #[test]
