@@ -196,8 +196,10 @@ impl Work<'_> {
 
 /// The table of everything that was tried.
 fn tried(reduction: &Reduction) -> String {
+    let widths = reduction.trials.iter().map(|t| t.what.chars().count());
+    let width = widths.max().unwrap_or(0);
     let mut text = format!(
-        "{:50} {:>9} {:>9} {:>8} {:>8}\n",
+        "{:width$} {:>9} {:>9} {:>8} {:>8}\n",
         "tried", "bytes", "predicted", "mean", "99.9 %"
     );
     for trial in &reduction.trials {
@@ -210,7 +212,7 @@ fn tried(reduction: &Reduction) -> String {
         });
         let _ = writeln!(
             text,
-            "{:50} {:>9} {predicted:>9} {mean:>8} {p999:>8}  {}",
+            "{:width$} {:>9} {predicted:>9} {mean:>8} {p999:>8}  {}",
             trial.what,
             console::bytes(trial.bytes),
             trial.verdict.words()

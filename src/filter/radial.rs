@@ -4,14 +4,13 @@
 //! blends its two neighbours in the table and turns the axis by its own azimuth, so directions are exact at any size where a
 //! small map's would bend between texels.
 
-use crate::map::{AnisoMap, DEFAULT_TEXEL, Size, SlopeCovariance, Texel, Wrap};
+use crate::map::{ALPHA_MAX, ALPHA_MIN, AnisoMap, DEFAULT_TEXEL, Size, Texel, Wrap};
 use crate::math::{self, Axis};
-use glam::Vec2;
+use glam::{DVec2, Vec2};
 use rayon::prelude::*;
-use std::f32::consts::TAU;
 
-/// The fewest and the most directions in which a sample of the table looks.
-const AROUND: (f32, f32) = (16.0, 720.0);
+/// Bands of rows that threads take; fixed, since the sums depend on where the cuts lie.
+const BANDS: u32 = 32;
 
 /// Where a table lies on the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,61 +49,56 @@ impl Disc {
         )
     }
 
-    /// The mean lobes of a map in `samples` rings of equal width, as a map of one row.
+    /// What is typical of a map in `samples` rings of equal width, as a map of one row.
     ///
     /// # Errors
     /// When there are no samples, or more than a map may have columns.
     pub fn table(&self, map: &AnisoMap, samples: u32) -> crate::error::Result<AnisoMap> {
         let size = Size::new(samples, 1)?;
         let mut table = AnisoMap::constant(size, Wrap::Clamp, DEFAULT_TEXEL);
-        let rings: Vec<Option<Texel>> = (0..samples)
-            .into_par_iter()
-            .map(|i| self.ring(map, (i as f32 + 0.5) / samples as f32))
-            .collect();
+        let rings = self.rings(map, samples as usize);
         let mut region = table.region_mut();
-        // Rings outside the map, which nothing will ask for, go on as the last one inside.
-        let mut last = rings
-            .iter()
-            .flatten()
-            .next()
-            .copied()
-            .unwrap_or(DEFAULT_TEXEL);
-        for (i, ring) in rings.into_iter().enumerate() {
-            last = ring.unwrap_or(last);
-            region.set(i, last);
+        for (i, texel) in settled(&rings).into_iter().enumerate() {
+            region.set(i, texel);
         }
         Ok(table)
     }
 
-    /// The mean lobe all around at a place of the table; `None` where that is nowhere inside the map.
-    fn ring(&self, map: &AnisoMap, place: f32) -> Option<Texel> {
-        let radius = place * self.reach;
-        let around = (TAU * radius * map.height() as f32).clamp(AROUND.0, AROUND.1) as u32;
-        let (mut sum, mut excess, mut axis, mut inside) =
-            (SlopeCovariance::default(), 0.0, Vec2::ZERO, 0.0);
-        for i in 0..around {
-            // Half a step aside: no direction along an edge of the texels.
-            let (sin, cos) = math::sin_cos(TAU * (i as f32 + 0.5) / around as f32);
-            let p = self.center + radius * Vec2::new(cos / self.aspect, sin);
-            if p.cmplt(Vec2::ZERO).any() || p.cmpgt(Vec2::ONE).any() {
-                continue;
-            }
-            let texel = map.sample(p.x, p.y);
-            let back = Axis {
-                cos2: cos * cos - sin * sin,
-                sin2: -2.0 * sin * cos,
-            };
-            let turned = Texel {
-                axis: texel.axis.turned(back),
-                ..texel
-            };
-            sum += turned.into();
-            excess += texel.alpha_x * texel.alpha_x - texel.alpha_y * texel.alpha_y;
-            axis += turned.axis.double_angle();
-            inside += 1.0;
+    /// What lies in each ring. A texel counts where its centre lies, so that nothing is blurred but inside a ring.
+    fn rings(&self, map: &AnisoMap, samples: usize) -> Vec<Ring> {
+        let rows = map.height().div_ceil(BANDS);
+        let bands: Vec<Vec<Ring>> = (0..BANDS)
+            .into_par_iter()
+            .map(|band| {
+                let mut rings = vec![Ring::default(); samples];
+                let end = ((band + 1) * rows).min(map.height());
+                for y in (band * rows).min(end)..end {
+                    self.add_row(map, y, &mut rings);
+                }
+                rings
+            })
+            .collect();
+        let mut sum = vec![Ring::default(); samples];
+        for band in bands {
+            sum.iter_mut().zip(band).for_each(|(s, b)| s.merge(b));
         }
-        let fallback = Axis::from_double_angle(axis / inside).unwrap_or_default();
-        (inside > 0.0).then(|| (sum * (1.0 / inside)).to_texel(excess > 0.0, fallback))
+        sum
+    }
+
+    fn add_row(&self, map: &AnisoMap, y: u32, rings: &mut [Ring]) {
+        for x in 0..map.width() {
+            let (u, v) = center_of(map.size(), x, y);
+            let (outward, place) = self.polar(u, v);
+            let ring = (place * rings.len() as f32) as usize;
+            if let Some(ring) = rings.get_mut(ring) {
+                let texel = map.texel(x, y);
+                let back = Axis {
+                    sin2: -outward.sin2,
+                    ..outward
+                };
+                ring.add(texel, texel.axis.turned(back));
+            }
+        }
     }
 
     /// The texel at (u, v), v up.
@@ -131,6 +125,74 @@ impl Disc {
         });
         map
     }
+}
+
+/// Sums over the texels of a ring.
+#[derive(Clone, Copy, Default)]
+struct Ring {
+    texels: f64,
+    ln_x: f64,
+    ln_y: f64,
+    /// Double angles against the outward direction, each counted by how far its texel is from round.
+    axis: DVec2,
+}
+
+impl Ring {
+    fn add(&mut self, texel: Texel, axis: Axis) {
+        self.texels += 1.0;
+        self.ln_x += f64::from(math::ln(texel.alpha_x));
+        self.ln_y += f64::from(math::ln(texel.alpha_y));
+        let weight = (texel.alpha_x - texel.alpha_y).abs();
+        self.axis += (axis.double_angle() * weight).as_dvec2();
+    }
+
+    fn merge(&mut self, other: Self) {
+        self.texels += other.texels;
+        self.ln_x += other.ln_x;
+        self.ln_y += other.ln_y;
+        self.axis += other.axis;
+    }
+
+    /// The common axis, where the texels have one.
+    fn axis(&self) -> Option<Axis> {
+        let mean = self.axis / self.texels.max(1.0);
+        (mean.length() > 1e-4).then(|| Axis::from_double_angle(mean.normalize().as_vec2()))?
+    }
+}
+
+/// A texel for each ring. The widths are geometric means: an edge that is drawn around the centre stays as sharp as it is, where
+/// a mean lobe would take in the blends of directions across it. Rings that have no direction take that of the nearest which
+/// has, since a table is blended between its samples; those outside the map, which nothing asks for, go on as the last inside.
+fn settled(rings: &[Ring]) -> Vec<Texel> {
+    let directed: Vec<usize> = (0..rings.len())
+        .filter(|i| rings[*i].axis().is_some())
+        .collect();
+    let axis_near = |i: usize| {
+        let after = directed.partition_point(|d| *d < i);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        near.filter_map(|n| directed.get(n))
+            .min_by_key(|d| d.abs_diff(i))
+            .and_then(|d| rings[*d].axis())
+    };
+    let inside = rings.iter().find(|r| r.texels > 0.0).copied();
+    let mut last = inside.unwrap_or_default();
+    let mut texels = Vec::with_capacity(rings.len());
+    for (i, ring) in rings.iter().enumerate() {
+        if ring.texels > 0.0 {
+            last = *ring;
+        }
+        let width = |ln: f64| math::exp((ln / last.texels) as f32).clamp(ALPHA_MIN, ALPHA_MAX);
+        texels.push(if last.texels > 0.0 {
+            Texel {
+                alpha_x: width(last.ln_x),
+                alpha_y: width(last.ln_y),
+                axis: axis_near(i).unwrap_or_default(),
+            }
+        } else {
+            DEFAULT_TEXEL
+        });
+    }
+    texels
 }
 
 /// (u, v) of a texel's centre, v up.

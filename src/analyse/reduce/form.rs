@@ -1,15 +1,16 @@
 //! What is kept of a map: how its texels lie, which of their numbers change from texel to texel, and how those are stored.
 
 use super::files::round;
+use crate::analyse::by_stretches;
 use crate::convention::storage::{
     AxisEncoding, AxisStorage, Codes, Depth, Storage, WidthEncoding, WidthStorage,
 };
 use crate::error::Result;
 use crate::filter::{Disc, reduce};
-use crate::map::{AnisoMap, Size, Texel, Wrap};
+use crate::map::{AnisoMap, Size, SlopeCovariance, Texel, Wrap};
 use crate::math::Axis;
 use crate::recipe::Radius;
-use glam::Vec2;
+use glam::{DVec2, Vec2};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::fmt;
@@ -301,25 +302,70 @@ fn range(map: &AnisoMap) -> (f32, f32) {
 /// The texel that stands for all of them where numbers are left out: the geometric means of the widths, and the mean axis,
 /// each texel counted by how far it is from round. Its numbers are short ones, since they will stand in a recipe.
 pub(super) fn typical(map: &AnisoMap) -> Texel {
-    let n = map.size().texels() as f64;
-    let mean_ln = |plane: &[f32]| plane.iter().map(|a| f64::from(*a).ln()).sum::<f64>() / n;
-    let mut axis = Vec2::ZERO;
-    for i in 0..map.size().texels() {
-        let texel = map.texel_at(i);
-        let weight = (texel.alpha_x - texel.alpha_y).abs() + 1e-6;
-        axis += texel.axis.double_angle() * weight;
-    }
+    let sums = Sums::of(map);
     short(Texel {
-        alpha_x: mean_ln(map.alpha_x()).exp() as f32,
-        alpha_y: mean_ln(map.alpha_y()).exp() as f32,
-        axis: Axis::from_double_angle(axis / axis.length().max(f32::MIN_POSITIVE))
-            .unwrap_or_default(),
+        alpha_x: (sums.ln_x / sums.count).exp() as f32,
+        alpha_y: (sums.ln_y / sums.count).exp() as f32,
+        axis: sums.mean_axis(),
     })
 }
 
 /// The mean lobe of the whole map.
-pub(super) fn mean_lobe(map: &AnisoMap) -> Result<Texel> {
-    Ok(short(reduce(map, Size::new(1, 1)?)?.texel_at(0)))
+pub(super) fn mean_lobe(map: &AnisoMap) -> Texel {
+    let sums = Sums::of(map);
+    let [uu, uv, vv] = sums.covariance.map(|s| (s / sums.count) as f32);
+    let lobe = SlopeCovariance { uu, uv, vv };
+    short(lobe.to_texel(sums.ln_x > sums.ln_y, sums.mean_axis()))
+}
+
+/// Sums over a map in f64, since a map has millions of texels.
+#[derive(Default)]
+struct Sums {
+    count: f64,
+    ln_x: f64,
+    ln_y: f64,
+    axis: DVec2,
+    covariance: [f64; 3],
+}
+
+impl Sums {
+    fn of(map: &AnisoMap) -> Self {
+        let parts = by_stretches(map.size().texels(), |stretch| {
+            let mut part = Self::default();
+            stretch.for_each(|i| part.add(map.texel_at(i)));
+            part
+        });
+        parts.into_iter().fold(Self::default(), Self::merged)
+    }
+
+    fn add(&mut self, texel: Texel) {
+        let lobe = SlopeCovariance::from(texel);
+        // A little for round texels too, so that a map of nothing else has an axis.
+        let weight = f64::from((texel.alpha_x - texel.alpha_y).abs()) + 1e-6;
+        self.count += 1.0;
+        self.ln_x += f64::from(texel.alpha_x).ln();
+        self.ln_y += f64::from(texel.alpha_y).ln();
+        self.axis += texel.axis.double_angle().as_dvec2() * weight;
+        let covariance = [lobe.uu, lobe.uv, lobe.vv];
+        for (sum, part) in self.covariance.iter_mut().zip(covariance) {
+            *sum += f64::from(part);
+        }
+    }
+
+    fn merged(self, later: Self) -> Self {
+        let ([a, b, c], [d, e, f]) = (self.covariance, later.covariance);
+        Self {
+            count: self.count + later.count,
+            ln_x: self.ln_x + later.ln_x,
+            ln_y: self.ln_y + later.ln_y,
+            axis: self.axis + later.axis,
+            covariance: [a + d, b + e, c + f],
+        }
+    }
+
+    fn mean_axis(&self) -> Axis {
+        Axis::from_double_angle(self.axis.normalize_or_zero().as_vec2()).unwrap_or_default()
+    }
 }
 
 /// Widths of five digits and an angle of hundredths of a degree: what a recipe holds as a number.

@@ -253,6 +253,7 @@ pub fn least(request: &Request<'_>, progress: &Progress<'_>) -> Result<Reduction
         request,
         progress,
         trials: Vec::new(),
+        known: Vec::new(),
     };
     search.run()
 }
@@ -266,6 +267,8 @@ struct Search<'a> {
     predictor: Predictor,
     progress: &'a Progress<'a>,
     trials: Vec<Trial>,
+    /// Forms that were tried, and what share of the tolerance those that look the same take.
+    known: Vec<(Form, Option<f64>)>,
 }
 
 /// Models that are cheaper than one, the cheapest first: those that `cargo bench --bench brdf` measures at least a tenth faster.
@@ -287,7 +290,7 @@ fn cheaper(model: Model) -> &'static [Model] {
 
 impl Search<'_> {
     fn run(&mut self) -> Result<Reduction> {
-        for form in self.constants()? {
+        for form in self.constants() {
             if let Some((kept, _)) = self.tried(form)?
                 && let Some(found) = self.confirmed(kept)?
             {
@@ -360,6 +363,15 @@ impl Search<'_> {
 
     /// Draws a form with the model asked for; gives it back with its share of the tolerance if it looks the same.
     fn tried(&mut self, form: Form) -> Result<Option<(Kept, f64)>> {
+        if let Some(&(_, share)) = self.known.iter().find(|(known, _)| *known == form) {
+            return share.map(|s| Ok((self.kept(form)?, s))).transpose();
+        }
+        let found = self.newly_tried(form)?;
+        self.known.push((form, found.as_ref().map(|(_, s)| *s)));
+        Ok(found)
+    }
+
+    fn newly_tried(&mut self, form: Form) -> Result<Option<(Kept, f64)>> {
         self.progress.expect(1);
         let kept = self.kept(form)?;
         let predicted = self.predictor.of_map(&kept.map);
@@ -448,12 +460,12 @@ impl Search<'_> {
     }
 
     /// No map: one texel, by its mean lobe and by its typical numbers.
-    fn constants(&self) -> Result<Vec<Form>> {
+    fn constants(&self) -> Vec<Form> {
         let map = self.request.map;
-        let mut texels = vec![form::mean_lobe(map)?, form::typical(map)];
+        let mut texels = vec![form::mean_lobe(map), form::typical(map)];
         texels.dedup();
         let shapes = texels.into_iter().map(Shape::Constant);
-        Ok(shapes.map(Form::full).collect())
+        shapes.map(Form::full).collect()
     }
 
     /// Combinations of what passes alone, from the fewest bytes upward, each with what its parts add up to.
@@ -574,9 +586,9 @@ impl Search<'_> {
         let Shape::Radial(radius, _) = form::radial(center, aspect, 1) else {
             return Ok(Vec::new());
         };
-        // As many samples as the map has texels on the way.
+        // Twice as many samples as the map has texels on the way: fewer would blur its edges a second time.
         let per_unit = (map.width() as f32 / aspect).max(map.height() as f32);
-        let most = (radius.reach * per_unit).ceil().clamp(1.0, 32_768.0) as u32;
+        let most = (2.0 * radius.reach * per_unit).ceil().clamp(1.0, 32_768.0) as u32;
         let first = form::radial(center, aspect, most);
         let Some(share) = self.alone(Form::full(first))? else {
             return Ok(Vec::new());

@@ -94,10 +94,10 @@ impl Reduction {
             .collect();
         json!({
             "metric": request.metric,
-            "tolerance": { "mean": request.tolerance, "p999": 3.0 * request.tolerance },
+            "tolerance": { "mean": plain(request.tolerance), "p999": 3.0 * plain(request.tolerance) },
             "picture": [request.size.width(), request.size.height()],
             "reference_samples": self.reference_samples,
-            "k_max": self.k_max,
+            "k_max": plain(self.k_max),
             "scenes": scenes,
             "full": {
                 "size": [full.width(), full.height()],
@@ -126,6 +126,11 @@ impl Reduction {
             "tried": self.trials,
         })
     }
+}
+
+/// A number as it was typed: 0.01 as an f32 is 0.0099999998 as an f64.
+fn plain(x: f32) -> f64 {
+    x.to_string().parse().unwrap_or(f64::from(x))
 }
 
 fn size(shape: Shape) -> Value {
