@@ -119,8 +119,12 @@ pub(super) struct GenerateArgs {
     /// the recipe's, or torus. Example: --mesh sphere
     #[arg(long, value_name = "MESH")]
     pub(super) mesh: Option<String>,
+    /// Reduce the map first to the least that looks the same on the mesh, with a mean FLIP error of at most T, and write that:
+    /// what `reduce` does. Example: --reduce 0.01
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_tolerance)]
+    pub(super) reduce: Option<f32>,
     /// JSON for scripts in place of the table: {name, size, seed, files, round_trip,
-    /// seconds, ignored, mended}. Example: --json
+    /// seconds, ignored, mended, reduced}. Example: --json
     #[arg(long)]
     pub(super) json: bool,
 }
@@ -286,6 +290,20 @@ A scene file holds, all but the camera optional:
   camera = { eye = [0, 1, 4], target = [0, 0, 0] }
   lights = [{ kind = \"directional\", toward = [1, 2, 3], irradiance = [2, 2, 2] }]
   exposure = 0.5";
+
+impl Default for ReduceOptions {
+    fn default() -> Self {
+        Self {
+            metric: Metric::default(),
+            mesh: Vec::new(),
+            light: Vec::new(),
+            scene: Vec::new(),
+            model: None,
+            size: Size::new(384, 384).expect("384 is a size"),
+            exposure: None,
+        }
+    }
+}
 
 #[derive(Args)]
 #[command(after_long_help = MANIFEST_HELP)]

@@ -1,7 +1,8 @@
 //! `anisomap generate`: a recipe to all its files.
 
-use super::args::GenerateArgs;
+use super::args::{GenerateArgs, ReduceOptions};
 use super::preview::{Shown, looks, scene};
+use super::reduce::{Reduced, Work, meshes, recipe_in};
 use super::{Outcome, Result, console, input};
 use anisomap::Error;
 use anisomap::analyse::compare;
@@ -34,7 +35,16 @@ const PICTURE: (u32, u32) = (960, 720);
 
 pub(super) fn run(args: GenerateArgs) -> Result {
     console::catch_interrupts();
-    let file = input::recipe(&args.recipe, &args.recipe_args, args.size)?;
+    let (file, reduced) = match args.reduce {
+        None => (
+            input::recipe(&args.recipe, &args.recipe_args, args.size)?,
+            None,
+        ),
+        Some(tolerance) => {
+            let reduced = reduced(&args, tolerance)?;
+            (RecipeFile::read(&reduced.recipe)?, Some(reduced))
+        }
+    };
     let job = Job {
         stem: file.recipe().name.clone(),
         formats: formats(&args.formats, &file, &Target::DEFAULT),
@@ -53,11 +63,51 @@ pub(super) fn run(args: GenerateArgs) -> Result {
         console::complain(&note);
     }
     if args.json {
-        console::print_json(&made.to_json(&job))?;
+        let mut json = made.to_json(&job);
+        json["reduced"] = reduced.map_or(serde_json::Value::Null, |r| r.json);
+        console::print_json(&json)?;
     } else {
-        console::print(&made.report(&job))?;
+        let reduced = reduced.map_or(String::new(), |r| format!("{}\n", r.text));
+        console::print(&(reduced + &made.report(&job)))?;
     }
     Ok(Outcome::Fine)
+}
+
+/// Writes the least that looks the same into the output's folder; the maps are then made from that.
+fn reduced(args: &GenerateArgs, tolerance: f32) -> Result<Reduced> {
+    let options = ReduceOptions {
+        mesh: args.mesh.iter().cloned().collect(),
+        ..ReduceOptions::default()
+    };
+    let named = meshes(&options)?;
+    let source = input::source(&args.recipe, &args.recipe_args, args.size)?;
+    make_folder(&args.output)?;
+    let work = Work {
+        recipe: recipe_in(&args.output, &source, &args.recipe)?,
+        named,
+        source: &source,
+        tolerance,
+        options: &options,
+    };
+    // What would be refused after the work is refused before it.
+    let copy = beside(&args.output.join(&work.recipe.name), ".toml");
+    if fs::read_to_string(&copy).is_ok_and(|there| !there.starts_with(MARK)) {
+        return Err(yours_lies_there(&args.output, &copy));
+    }
+    work.reduce(&args.output)
+}
+
+/// That a recipe which somebody wrote is never written over.
+fn yours_lies_there(folder: &Path, path: &Path) -> Error {
+    Error::invalid(
+        "--output",
+        folder.display(),
+        format!(
+            "allowed: a folder without a {} of yours, since the recipe as it was used is written there",
+            path.display()
+        ),
+    )
+    .with_hint("Name another folder")
 }
 
 /// What the user asks for, or else the recipe, or else `default`; in the order they are written, each once.
@@ -236,15 +286,7 @@ impl Job {
         if there.starts_with(MARK) && !self.is_own_recipe(&path) {
             return Ok(Some(marked));
         }
-        Err(Error::invalid(
-            "--output",
-            self.folder.display(),
-            format!(
-                "allowed: a folder without a {} of yours, since the recipe as it was used is written there",
-                path.display()
-            ),
-        )
-        .with_hint("Name another folder"))
+        Err(yours_lies_there(&self.folder, &path))
     }
 
     /// Whether a path leads to the file that the recipe was read from.

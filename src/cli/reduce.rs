@@ -13,7 +13,7 @@ use anisomap::recipe::{Recipe, RecipeFile, read_toml, seen_from};
 use glam::Vec3;
 use std::fmt::Write as _;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub(super) fn run(args: ReduceArgs) -> Result {
@@ -60,7 +60,8 @@ pub(super) struct Work<'a> {
 pub(super) struct Reduced {
     pub(super) text: String,
     pub(super) json: serde_json::Value,
-    pub(super) saved: Saved,
+    /// The recipe that stands for the reduced map.
+    pub(super) recipe: PathBuf,
 }
 
 impl Work<'_> {
@@ -93,7 +94,7 @@ impl Work<'_> {
         Ok(Reduced {
             text: self.text(&request, &reduction, &saved),
             json,
-            saved,
+            recipe: saved.recipe,
         })
     }
 

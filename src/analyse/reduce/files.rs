@@ -12,11 +12,16 @@ use crate::map::Size;
 use crate::pattern::{Constant, Pattern};
 use crate::progress::Progress;
 use crate::recipe::{Adjust, Image, Layer, Recipe, RecipeFile, Source, Stored};
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// The first line of a reduced recipe, by which a later run knows that it may be replaced.
 const MARK: &str = "# A reduced map, written by anisomap. Copy it before you change it.";
+
+/// How the names of the files end that may hold texels.
+const WIDTHS: &str = ".reduced_widths.png";
+const AXIS: &str = ".reduced_axis.png";
+const FLOATS: &str = ".reduced.exr";
 
 /// What was written.
 #[derive(Debug)]
@@ -43,7 +48,7 @@ impl Reduction {
     /// [`Error::Write`] when a file cannot be written, [`Error::Invalid`] when a recipe of somebody's own lies where it would go.
     pub fn write(&self, stem: &Path, recipe: &Recipe, aspect: f32) -> Result<Saved> {
         let path = beside(stem, ".reduced.toml");
-        refuse_foreign(&path)?;
+        let replaces = is_own(&path)?;
         let (source, maps) = self.kept.write(stem, recipe)?;
         let map_bytes = maps.iter().map(|f| f.bytes).sum();
         let reduced = Recipe {
@@ -61,6 +66,9 @@ impl Reduction {
             f.write_all(format!("{MARK}\n{}\n{text}", self.told()).as_bytes())
         })?;
         self.verify(&path)?;
+        if replaces {
+            clear_old(stem, &maps)?;
+        }
         Ok(Saved {
             recipe: path,
             files: [vec![written], maps].concat(),
@@ -84,8 +92,7 @@ impl Reduction {
     /// The recipe's scene; a cheaper model takes the place of the one that was asked for.
     fn scene(&self, recipe: &Recipe) -> crate::recipe::Scene {
         let mut scene = recipe.scene.clone();
-        let asked = self.trials.first().map_or(self.model, |t| t.model);
-        if asked != self.model {
+        if self.full_model != self.model {
             scene.models = vec![self.model.name().to_owned()];
         }
         scene
@@ -108,15 +115,15 @@ impl Reduction {
     }
 }
 
-/// A recipe that somebody wrote is never written over.
-fn refuse_foreign(path: &Path) -> Result<()> {
+/// Whether an earlier reduced recipe lies there; one that somebody wrote is never written over.
+fn is_own(path: &Path) -> Result<bool> {
     let there = match std::fs::read(path) {
         Ok(there) => there,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(false),
         Err(e) => return Err(Error::write(path)(e)),
     };
     if there.starts_with(MARK.as_bytes()) {
-        return Ok(());
+        return Ok(true);
     }
     Err(Error::invalid(
         "the output",
@@ -124,6 +131,21 @@ fn refuse_foreign(path: &Path) -> Result<()> {
         "allowed: a folder without a file of yours by that name",
     )
     .with_hint("Name another folder"))
+}
+
+/// What an earlier reduction left and this one does not name would pass for a part of it.
+fn clear_old(stem: &Path, written: &[Written]) -> Result<()> {
+    for suffix in [WIDTHS, AXIS, FLOATS] {
+        let path = beside(stem, suffix);
+        if written.iter().any(|w| w.path == path) {
+            continue;
+        }
+        match std::fs::remove_file(&path) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(Error::write(&path)(e)),
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 impl Kept {
@@ -159,12 +181,12 @@ impl Kept {
         };
         let mut written = Vec::new();
         if let Some((numbers, codes)) = &self.widths {
-            let path = beside(stem, ".reduced_widths.png");
+            let path = beside(stem, WIDTHS);
             stored.widths = Some(name(&path)?);
             written.push(write_codes(&path, size, *numbers, codes)?);
         }
         if let Some(codes) = &self.axes {
-            let path = beside(stem, ".reduced_axis.png");
+            let path = beside(stem, AXIS);
             stored.axis = Some(name(&path)?);
             let numbers = self.form.storage.axis.encoding.numbers();
             written.push(write_codes(&path, size, numbers, codes)?);
@@ -173,7 +195,7 @@ impl Kept {
     }
 
     fn write_floats(&self, stem: &Path, recipe: &Recipe) -> Result<(Source, Vec<Written>)> {
-        let path = beside(stem, ".reduced.exr");
+        let path = beside(stem, FLOATS);
         let precision = if self.form.storage == Storage::FULL {
             Precision::Float
         } else {

@@ -223,6 +223,8 @@ pub struct Reduction {
     pub reference_samples: u32,
     /// Bytes of the full map in memory.
     pub full_bytes: u64,
+    /// The model asked for.
+    pub full_model: Model,
     /// Milliseconds of drawing every setting with the full map and the model asked for.
     pub full_milliseconds: f64,
     /// The same of the reduced map and its model.
@@ -254,6 +256,7 @@ pub fn least(request: &Request<'_>, progress: &Progress<'_>) -> Result<Reduction
         progress,
         trials: Vec::new(),
         known: Vec::new(),
+        models: Vec::new(),
     };
     search.run()
 }
@@ -269,6 +272,8 @@ struct Search<'a> {
     trials: Vec<Trial>,
     /// Forms that were tried, and what share of the tolerance those that look the same take.
     known: Vec<(Form, Option<f64>)>,
+    /// Cheaper models that are worth drawing.
+    models: Vec<Model>,
 }
 
 /// Models that are cheaper than one, the cheapest first: those that `cargo bench --bench brdf` measures at least a tenth faster.
@@ -290,6 +295,7 @@ fn cheaper(model: Model) -> &'static [Model] {
 
 impl Search<'_> {
     fn run(&mut self) -> Result<Reduction> {
+        self.models = self.possible_models();
         for form in self.constants() {
             if let Some((kept, _)) = self.tried(form)?
                 && let Some(found) = self.confirmed(kept)?
@@ -334,6 +340,7 @@ impl Search<'_> {
             k_max: self.predictor.k_max(),
             reference_samples: self.studio.reference_samples(),
             full_bytes: full.bytes(),
+            full_model: self.request.model,
             full_milliseconds: self.studio.milliseconds,
         })
     }
@@ -430,33 +437,45 @@ impl Search<'_> {
     /// The cheapest model with which a reduced map looks like the full one with the model asked for.
     fn cheaper_model(&mut self, kept: &Kept) -> Result<Option<Model>> {
         let request = self.request;
-        for &model in cheaper(request.model) {
-            let predicted = self.predictor.of_model(request.model, model);
-            let hopeless =
-                predicted.is_some_and(|p| is_hopeless(request.metric, p, request.tolerance));
-            let error = if hopeless {
-                None
-            } else {
-                Some(self.studio.error(&kept.map, model, self.progress)?)
-            };
-            let verdict = match error {
-                None => Verdict::Hopeless,
-                Some(e) if e.is_within(request.tolerance) => Verdict::Same,
-                Some(_) => Verdict::Seen,
-            };
+        for model in self.models.clone() {
+            let error = self.studio.error(&kept.map, model, self.progress)?;
+            let same = error.is_within(request.tolerance);
             self.trials.push(Trial {
                 what: format!("model {model} on {}", kept.form),
                 model,
                 bytes: kept.form.bytes(),
-                predicted,
-                error,
-                verdict,
+                predicted: self.predictor.of_model(request.model, model),
+                error: Some(error),
+                verdict: if same { Verdict::Same } else { Verdict::Seen },
             });
-            if verdict == Verdict::Same {
+            if same {
                 return Ok(Some(model));
             }
         }
         Ok(None)
+    }
+
+    /// The cheaper models that are not out of the question by their closed form; those that are, are told once.
+    fn possible_models(&mut self) -> Vec<Model> {
+        let request = self.request;
+        let full = Form::full(Shape::Grid(request.map.size()));
+        let mut possible = Vec::new();
+        for &model in cheaper(request.model) {
+            let predicted = self.predictor.of_model(request.model, model);
+            if !predicted.is_some_and(|p| is_hopeless(request.metric, p, request.tolerance)) {
+                possible.push(model);
+                continue;
+            }
+            self.trials.push(Trial {
+                what: format!("model {model}"),
+                model,
+                bytes: full.bytes(),
+                predicted,
+                error: None,
+                verdict: Verdict::Hopeless,
+            });
+        }
+        possible
     }
 
     /// No map: one texel, by its mean lobe and by its typical numbers.
