@@ -1,0 +1,477 @@
+//! `anisomap reduce` as the real binary: what it keeps, that it looks the same, and what it says to nonsense.
+
+use anisomap::analyse::Flip;
+use anisomap::analyse::PIXELS_PER_DEGREE;
+use anisomap::map::{AnisoMap, Size};
+use anisomap::mesh;
+use anisomap::preview::{Look, Picture, Scene, Subject, render_reference};
+use anisomap::progress::Progress;
+use anisomap::recipe::{Files, RecipeFile, open};
+use assert_cmd::Command;
+use glam::Vec3;
+use serde_json::Value;
+use std::fs;
+use std::path::PathBuf;
+use tempfile::TempDir;
+
+struct Desk(TempDir);
+
+struct End {
+    code: i32,
+    out: String,
+    err: String,
+}
+
+impl Desk {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary folder"))
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).expect("the folder is writable");
+    }
+
+    fn run_with(&self, threads: &str, arguments: &str) -> End {
+        let output = Command::new(env!("CARGO_BIN_EXE_anisomap"))
+            .args(arguments.split_whitespace())
+            .env("RAYON_NUM_THREADS", threads)
+            .current_dir(self.0.path())
+            .output()
+            .expect("the binary starts");
+        let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("UTF-8");
+        let end = End {
+            code: output.status.code().expect("an exit code, not a signal"),
+            out: text(&output.stdout),
+            err: text(&output.stderr),
+        };
+        assert!(!end.err.contains("panicked"), "{arguments}: {}", end.err);
+        end
+    }
+
+    fn works(&self, arguments: &str) -> String {
+        let end = self.run_with("2", arguments);
+        assert_eq!(end.code, 0, "{arguments}: {}", end.err);
+        end.out
+    }
+
+    fn json(&self, arguments: &str) -> Value {
+        serde_json::from_str(&self.works(&format!("{arguments} --json"))).expect("JSON")
+    }
+
+    fn fails(&self, arguments: &str, words: &[&str]) {
+        let end = self.run_with("2", arguments);
+        assert_eq!(end.code, 2, "{arguments}: {}{}", end.out, end.err);
+        for word in words {
+            assert!(
+                end.err.contains(word),
+                "{arguments}: no `{word}` in {}",
+                end.err
+            );
+        }
+    }
+
+    fn files(&self, folder: &str) -> Vec<String> {
+        let entries = fs::read_dir(self.path(folder)).expect("a folder");
+        let mut names: Vec<String> = entries
+            .map(|e| {
+                e.expect("an entry")
+                    .file_name()
+                    .into_string()
+                    .expect("a name")
+            })
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// The map of a recipe that was written.
+    fn map(&self, recipe: &str) -> AnisoMap {
+        let file = RecipeFile::read(self.path(recipe)).expect("a recipe");
+        filled(&file, file.recipe().size, &file.files(false))
+    }
+}
+
+fn filled(file: &RecipeFile, size: Size, files: &Files) -> AnisoMap {
+    let none = Progress::none();
+    let prepared = file
+        .recipe()
+        .prepare(size, files, &none)
+        .expect("it prepares");
+    prepared.map(&none).expect("nobody cancels")
+}
+
+fn number(json: &Value) -> f64 {
+    json.as_f64().unwrap_or_else(|| panic!("no number: {json}"))
+}
+
+const FLAT: &str = "version = 1\nname = 'flat'\n[[layers]]\n[layers.constant]\nalpha_x = 0.1\nalpha_y = 0.3\nangle = 20\n";
+
+#[test]
+fn a_constant_recipe_keeps_no_map() {
+    let desk = Desk::new();
+    desk.write("flat.toml", FLAT);
+    let json = desk.json("reduce ./flat.toml -o out --metric flip --tolerance 0.01 --size 96");
+    assert_eq!(json["reduced"]["kind"], "constants");
+    assert_eq!(
+        (&json["reduced"]["bytes"], &json["reduced"]["file_bytes"]),
+        (&0.into(), &0.into())
+    );
+    assert_eq!(
+        desk.files("out"),
+        ["flat.reduced.json", "flat.reduced.toml"]
+    );
+    let text = fs::read_to_string(desk.path("out/flat.reduced.toml")).expect("text");
+    assert!(
+        text.contains("[layers.constant]") && text.contains("alpha_x = 0.1\n"),
+        "{text}"
+    );
+    // Every command reads it.
+    desk.works("inspect out/flat.reduced.toml");
+    desk.works("generate out/flat.reduced.toml -o again --formats exr,glb");
+    desk.works("preview out/flat.reduced.toml -o flat.png --size 64");
+    let report: Value = serde_json::from_str(
+        &fs::read_to_string(desk.path("out/flat.reduced.json")).expect("text"),
+    )
+    .expect("JSON");
+    assert_eq!(report["dropped"], json["dropped"]);
+    assert!(
+        report["dropped"][0]
+            .as_str()
+            .is_some_and(|d| d.contains("the map"))
+    );
+}
+
+#[test]
+fn the_vinyl_record_keeps_a_radial_strip() {
+    let desk = Desk::new();
+    let out = desk.works("reduce vinyl_record -o out --metric flip --tolerance 0.01");
+    assert!(out.contains("kept: radial strip of"), "{out}");
+    let report: Value = serde_json::from_str(
+        &fs::read_to_string(desk.path("out/vinyl_record.reduced.json")).expect("text"),
+    )
+    .expect("JSON");
+    assert!(number(&report["reduced"]["bytes"]) < 1e-3 * number(&report["full"]["bytes"]));
+    let text = fs::read_to_string(desk.path("out/vinyl_record.reduced.toml")).expect("text");
+    assert!(
+        text.contains("[layers.stored.radial]") && text.contains("# Kept: radial"),
+        "{text}"
+    );
+    for file in report["files"].as_array().expect("files") {
+        assert!(
+            out.contains(file["path"].as_str().expect("a path")),
+            "{file} is not told in {out}"
+        );
+    }
+}
+
+#[test]
+fn brushed_aluminium_drops_half_its_bytes_and_nothing_in_silence() {
+    let desk = Desk::new();
+    let out =
+        "reduce brushed_aluminium -o out --metric flip --tolerance 0.01 --map-size 256 --size 128";
+    let json = desk.json(out);
+    let (full, kept) = (
+        number(&json["full"]["bytes"]),
+        number(&json["reduced"]["bytes"]),
+    );
+    assert_eq!(full, 16.0 * 256.0 * 256.0);
+    assert!(kept <= 0.5 * full, "{kept} of {full}");
+    let files = json["files"].as_array().expect("files").iter();
+    let sizes: u64 = files
+        .filter(|f| !f["path"].as_str().unwrap_or_default().ends_with("ml"))
+        .filter(|f| !f["path"].as_str().unwrap_or_default().ends_with("json"))
+        .map(|f| f["bytes"].as_u64().expect("bytes"))
+        .sum();
+    assert_eq!(json["reduced"]["file_bytes"].as_u64(), Some(sizes));
+    assert!(!json["dropped"].as_array().expect("a list").is_empty());
+    let tried = json["tried"].as_array().expect("a list");
+    assert_eq!(tried.iter().filter(|t| t["verdict"] == "taken").count(), 1);
+    assert!(number(&json["scenes"][0]["error"]["mean"]) <= 0.01);
+}
+
+/// A picture by the reference, as the program's own is measured.
+fn drawn(map: &AnisoMap, file: &RecipeFile, word: &str, light: Vec3) -> Picture {
+    let mesh = mesh::open(word).expect("a mesh");
+    let mut scene = Scene::for_mesh(&mesh);
+    scene.set_directions(&[light]);
+    let subject = Subject {
+        mesh: &mesh,
+        map,
+        material: &file.recipe().material,
+    };
+    let size = Size::new(96, 96).expect("a size");
+    render_reference(
+        subject,
+        &scene,
+        &[Look::default()],
+        size,
+        8,
+        &Progress::none(),
+    )
+    .expect("it draws")
+    .swap_remove(0)
+}
+
+#[test]
+fn what_was_written_stays_within_the_tolerance_on_every_mesh_and_light() {
+    let desk = Desk::new();
+    for (preset, tolerance) in [
+        ("spun_copper", 0.02),
+        ("brushed_aluminium", 0.05),
+        ("twill", 0.005),
+    ] {
+        let lights = "--light=-1,2,3 --light=2,0.5,1";
+        desk.works(&format!(
+            "reduce {preset} -o out --tolerance {tolerance} --map-size 128 --size 96 --mesh torus --mesh disc {lights}"
+        ));
+        let full = open(preset).expect("a preset");
+        let map = filled(
+            &full,
+            Size::new(128, 128).expect("a size"),
+            &Files::default(),
+        );
+        let name = format!("out/{preset}.reduced.toml");
+        let reduced = desk.map(&name);
+        assert!(reduced != map, "{preset}: nothing was reduced");
+        for mesh in ["torus", "disc"] {
+            for light in [Vec3::new(-1.0, 2.0, 3.0), Vec3::new(2.0, 0.5, 1.0)] {
+                let light = light.normalize();
+                let (a, b) = (
+                    drawn(&map, &full, mesh, light),
+                    drawn(&reduced, &full, mesh, light),
+                );
+                let flip = Flip::new(&a, &b, PIXELS_PER_DEGREE).expect("of one size");
+                let (mean, p999) = (flip.mean(), flip.quantile(0.999));
+                assert!(mean <= tolerance, "{preset} {mesh} {light}: {mean}");
+                assert!(
+                    f64::from(p999) <= 3.0 * tolerance,
+                    "{preset} {mesh} {light}: {p999}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_finished_map_is_reduced_as_well_and_where_all_is_seen_all_is_kept() {
+    let desk = Desk::new();
+    desk.works("generate twill -o maps --size 32 --formats exr --float");
+    let json =
+        desk.json("reduce maps/twill.exr -o out --tolerance 1e-7 --metric luminance --size 64");
+    assert_eq!(
+        (&json["reduced"]["kind"], &json["reduced"]["storage"]),
+        (&"map".into(), &"f32".into())
+    );
+    assert_eq!(json["dropped"].as_array().map(Vec::len), Some(0));
+    assert_eq!(
+        desk.files("out"),
+        [
+            "twill.reduced.exr",
+            "twill.reduced.json",
+            "twill.reduced.toml"
+        ]
+    );
+    // What is no longer a part of it goes when less is kept.
+    desk.works("reduce maps/twill.exr -o out --tolerance 0.9 --size 64");
+    assert_eq!(
+        desk.files("out"),
+        ["twill.reduced.json", "twill.reduced.toml"]
+    );
+    // A recipe of the user's own stays.
+    desk.write("out/twill.reduced.toml", FLAT);
+    desk.fails(
+        "reduce maps/twill.exr -o out --tolerance 0.9 --size 64",
+        &["twill.reduced.toml", "yours"],
+    );
+    assert_eq!(
+        fs::read_to_string(desk.path("out/twill.reduced.toml")).expect("text"),
+        FLAT
+    );
+}
+
+#[test]
+fn without_highlights_the_cheapest_model_is_taken() {
+    let desk = Desk::new();
+    let dull = FLAT.replace(
+        "[[layers]]",
+        "[material]\nspecular = [0.0, 0.0, 0.0]\n[[layers]]",
+    );
+    desk.write("dull.toml", &dull);
+    let json = desk.json("reduce ./dull.toml -o out --tolerance 0.01 --metric de --size 64");
+    assert_eq!(
+        (&json["reduced"]["model"], &json["full"]["model"]),
+        (&"lambert".into(), &"ward".into())
+    );
+    let text = fs::read_to_string(desk.path("out/flat.reduced.toml")).expect("text");
+    assert!(text.contains("models = [\"lambert\"]"), "{text}");
+}
+
+#[test]
+fn generate_reduces_on_request() {
+    let desk = Desk::new();
+    desk.write("flat.toml", FLAT);
+    let out = desk.works("generate ./flat.toml -o out --reduce 0.01 --formats exr,preview");
+    assert!(
+        out.contains("dropped: the map") && out.contains("flat.exr"),
+        "{out}"
+    );
+    for name in [
+        "flat.exr",
+        "flat.reduced.json",
+        "flat.reduced.toml",
+        "flat.toml",
+        "flat_preview.png",
+    ] {
+        assert!(desk.path("out").join(name).exists(), "{name}");
+    }
+    let json = desk.json("generate ./flat.toml -o out --reduce 0.01 --formats exr");
+    assert_eq!(json["reduced"]["reduced"]["kind"], "constants");
+    assert_eq!(json["size"], serde_json::json!([1, 1]));
+    assert_eq!(
+        desk.json("generate ./flat.toml -o full --size 8 --formats exr")["reduced"],
+        Value::Null
+    );
+    desk.fails(
+        "generate ./flat.toml -o out --reduce 0",
+        &["--reduce", "over 0"],
+    );
+    // A folder with the user's own recipe is refused before anything is made.
+    fs::create_dir(desk.path("mine")).expect("a folder");
+    desk.write("mine/flat.toml", "version = 1\n");
+    desk.fails(
+        "generate ./flat.toml -o mine --reduce 0.01",
+        &["flat.toml", "yours"],
+    );
+    assert_eq!(desk.files("mine"), ["flat.toml"]);
+}
+
+#[test]
+fn the_same_files_for_any_number_of_threads() {
+    let desk = Desk::new();
+    let run = |threads: &str, folder: &str| {
+        let arguments = format!(
+            "reduce lathe_cut_steel -o {folder} --tolerance 0.03 --map-size 128 --size 64 --mesh disc"
+        );
+        let end = desk.run_with(threads, &arguments);
+        assert_eq!(end.code, 0, "{}", end.err);
+    };
+    run("1", "a");
+    run("2", "b");
+    let names = desk.files("a");
+    assert_eq!(names, desk.files("b"));
+    for name in names.iter().filter(|n| !n.ends_with(".json")) {
+        let read = |folder: &str| fs::read(desk.path(folder).join(name)).expect("a file");
+        assert!(read("a") == read("b"), "{name}");
+    }
+}
+
+#[test]
+fn a_scene_of_ones_own_is_used() {
+    let desk = Desk::new();
+    desk.write("flat.toml", FLAT);
+    desk.write(
+        "shot.toml",
+        "camera = { eye = [0, 1, 6], target = [0, 0, 0] }\nexposure = -1\nlights = [{ kind = 'directional', toward = [1, 2, 3], irradiance = [2, 2, 2] }]\n",
+    );
+    let json = desk.json("reduce ./flat.toml -o out --tolerance 0.01 --scene shot.toml --size 64");
+    let scene = &json["scenes"][0];
+    assert_eq!(
+        (&scene["light"], number(&scene["exposure"])),
+        (&"shot.toml".into(), -1.0)
+    );
+    // A camera that looks away would find anything the same.
+    desk.write(
+        "away.toml",
+        "camera = { eye = [0, 1, 6], target = [0, 1, 12] }\n",
+    );
+    desk.fails(
+        "reduce ./flat.toml -o out --tolerance 0.01 --scene away.toml --size 64",
+        &["empty", "camera"],
+    );
+    desk.write(
+        "typo.toml",
+        "camera = { eye = [0, 1, 6], target = [0, 1, 0] }\nexposrue = 1\n",
+    );
+    desk.fails(
+        "reduce ./flat.toml -o out --tolerance 0.01 --scene typo.toml --size 64",
+        &["typo.toml", "exposrue", "exposure"],
+    );
+}
+
+#[test]
+fn nonsense_is_told_what_is_allowed() {
+    let desk = Desk::new();
+    desk.write("flat.toml", FLAT);
+    for bad in ["0", "-1", "nan", "inf", "-0.0", "little", "1e-60"] {
+        let arguments = format!("reduce ./flat.toml -o out --tolerance {bad}");
+        desk.fails(&arguments, &["--tolerance", "over 0"]);
+    }
+    let reduce = "reduce ./flat.toml -o out --tolerance 0.01";
+    desk.fails(
+        &format!("{reduce} --metric flop"),
+        &["flop", "Did you mean `flip`?"],
+    );
+    desk.fails(&format!("{reduce} --metric psnr"), &["flip, de, luminance"]);
+    desk.fails(
+        "reduce ./flat.toml -o out --tolerance 2",
+        &["tolerance", "to 1 in flip"],
+    );
+    desk.fails("reduce ./flat.toml -o out", &["--tolerance"]);
+    desk.fails(&format!("{reduce} --mesh tours"), &["tours", "torus"]);
+    desk.fails(&format!("{reduce} --light 0,0,0"), &["--light"]);
+    desk.fails(&format!("{reduce} --size 0"), &["--size"]);
+    desk.fails(&format!("{reduce} --model wrad"), &["wrad", "ward"]);
+    desk.fails(&format!("{reduce} --scene none.toml"), &["none.toml"]);
+    desk.fails(&format!("{reduce} --exposure 99"), &["-16 to 16"]);
+    desk.fails("reduce ./none.toml -o out --tolerance 0.01", &["none.toml"]);
+    let e = desk.run_with(
+        "2",
+        "reduce ./flat.toml -o flat.toml --tolerance 0.01 --size 32",
+    );
+    assert_eq!(e.code, 3, "{}", e.err);
+    assert_eq!(
+        fs::read_to_string(desk.path("flat.toml")).expect("text"),
+        FLAT
+    );
+}
+
+#[test]
+fn a_stored_layer_that_is_damaged_is_told() {
+    let desk = Desk::new();
+    desk.works("reduce brushed_aluminium -o out --tolerance 0.02 --map-size 64 --size 64");
+    let recipe = "out/brushed_aluminium.reduced.toml";
+    let text = fs::read_to_string(desk.path(recipe)).expect("text");
+    assert!(text.contains("[layers.stored]"), "{text}");
+    let changed = |from: &str, to: &str| {
+        let changed = text.replacen(from, to, 1);
+        assert_ne!(changed, text, "{from}");
+        desk.write("out/changed.toml", &changed);
+    };
+    for (from, to, words) in [
+        ("encoding = \"log\"", "encoding = \"lgo\"", ["lgo", "log"]),
+        ("low = ", "low = -1.0 #", ["layers.0.stored.low", "0 to 2"]),
+        (
+            "high = ",
+            "high = 0.0001 #",
+            ["layers.0.stored.low", "less than"],
+        ),
+        ("widths = ", "widhts = ", ["widhts", "widths"]),
+        (
+            "brushed_aluminium.reduced_widths.png",
+            "../x.png",
+            ["layers.0.stored.widths", "--allow-outside"],
+        ),
+        (
+            "brushed_aluminium.reduced_widths.png",
+            "changed.toml",
+            ["changed.toml", "PNG"],
+        ),
+    ] {
+        changed(from, to);
+        desk.fails("inspect out/changed.toml", &words);
+    }
+}
