@@ -5,7 +5,7 @@ use super::generate::make_folder;
 use super::preview::{looks, scene};
 use super::{Outcome, Result, console, input};
 use anisomap::Error;
-use anisomap::analyse::reduce::{Reduction, Request, Saved, Setting, Verdict, least};
+use anisomap::analyse::reduce::{Reduction, Request, Saved, Setting, Shape, Verdict, least};
 use anisomap::export::{beside, write_atomic};
 use anisomap::mesh::{self, Mesh};
 use anisomap::preview::Scene;
@@ -238,8 +238,15 @@ fn tried(reduction: &Reduction) -> String {
 fn saving(reduction: &Reduction, saved: &Saved) -> String {
     let (before, after) = (reduction.full_bytes, reduction.form().bytes());
     let share = 100.0 * (1.0 - after as f64 / before as f64);
+    let table = match reduction.form().shape {
+        Shape::Radial(..) => format!(
+            "what reads no tables gets it laid out again, as {} texels\n",
+            reduction.map().size()
+        ),
+        _ => String::new(),
+    };
     format!(
-        "in memory: {} in place of {} ({share:.2} % saved); in files: {}\n\
+        "texels as they are stored: {} in place of {} ({share:.2} % saved); in files: {}\n{table}\
          drawing: {:.2} ms in place of {:.2} ms\n\
          measured by the reference, {n}x{n} samples a pixel, from what the files give back:\n",
         console::bytes(after),
@@ -281,10 +288,12 @@ pub(super) fn recipe_in(folder: &Path, source: &input::Source, word: &str) -> Re
     }
     // The name of a file may be no name of a recipe.
     let plain = RecipeFile::parse("version = 1", word, None)?;
-    Ok(Recipe {
+    let renamed = Recipe {
         name: plain.recipe().name.clone(),
         ..recipe
-    })
+    };
+    renamed.check()?;
+    Ok(renamed)
 }
 
 /// That a tolerance is one at all; how large it may be depends on the metric.

@@ -381,7 +381,7 @@ impl Search<'_> {
     fn newly_tried(&mut self, form: Form) -> Result<Option<(Kept, f64)>> {
         self.progress.expect(1);
         let kept = self.kept(form)?;
-        let predicted = self.predictor.of_map(&kept.map);
+        let predicted = self.predictor.of_map(&kept.map)?;
         let request = self.request;
         if is_hopeless(request.metric, predicted, request.tolerance) {
             self.log(kept.form, Some(predicted), None, Verdict::Hopeless);
@@ -676,4 +676,130 @@ fn combine(
         }
     }
     seen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::{DEFAULT_TEXEL, Wrap};
+
+    #[test]
+    fn metrics_are_words() {
+        for metric in Metric::ALL {
+            assert_eq!(metric.to_string().parse::<Metric>().unwrap(), metric);
+            assert_eq!(serde_json::to_value(metric).unwrap(), metric.name());
+        }
+        let e = "lumiance".parse::<Metric>().unwrap_err().to_string();
+        assert!(e.contains("`luminance`"), "{e}");
+    }
+
+    #[test]
+    fn combinations_are_each_one_thing_and_floats_are_whole_maps() {
+        let shape = Shape::Grid(Size::new(8, 8).unwrap());
+        let kinds = [
+            (Widths::Round, Axes::Same),
+            (Widths::Same, Axes::Each),
+            (Widths::Each, Axes::Each),
+        ];
+        let kinds = kinds.map(|k| (k, 0.3)).to_vec();
+        let mut storages: Passed<Storage> =
+            form::storages().into_iter().map(|s| (s, 0.4)).collect();
+        storages.push((Storage::FULL, 0.0));
+        let all = combine(&vec![(shape, 0.0)], &kinds, &storages);
+        for (i, (form, share)) in all.iter().enumerate() {
+            assert!(
+                all[..i]
+                    .iter()
+                    .all(|(f, _)| f.to_string() != form.to_string()),
+                "{form}"
+            );
+            let whole = form.widths == Widths::Each && form.axes == Axes::Each;
+            assert!(form.is_coded() || whole, "{form}");
+            assert!(
+                (share - 0.5).abs() < 1e-6 || !form.is_coded(),
+                "{form} {share}"
+            );
+        }
+        // 8 and 16 bits of one number, the same of the axis alone, and all six of the whole.
+        assert_eq!(all.len(), 2 + 2 + 6);
+    }
+
+    #[test]
+    fn cheaper_models_lead_nowhere_back() {
+        for model in [
+            Model::Ward,
+            Model::Beckmann,
+            Model::Phong,
+            Model::Ggx,
+            Model::Lambert,
+        ] {
+            assert!(!cheaper(model).contains(&model));
+            for other in cheaper(model) {
+                assert!(!cheaper(*other).contains(&model), "{model} {other}");
+            }
+        }
+    }
+
+    #[test]
+    fn requests_without_sense_are_refused() {
+        let map = AnisoMap::constant(Size::new(4, 4).unwrap(), Wrap::Repeat, DEFAULT_TEXEL);
+        let mesh = Arc::new(crate::mesh::builtin("sphere").unwrap());
+        let settings = [Setting {
+            mesh_name: "sphere".to_owned(),
+            light_name: "studio".to_owned(),
+            scene: Scene::for_mesh(&mesh),
+            mesh,
+        }];
+        let material = Material::default();
+        let ask = |tolerance, settings: &[Setting]| {
+            let request = Request {
+                map: &map,
+                aspect: 1.0,
+                material: &material,
+                model: Model::Ward,
+                settings,
+                metric: Metric::Flip,
+                tolerance,
+                size: Size::new(16, 16).unwrap(),
+            };
+            least(&request, &Progress::none()).map_err(|e| e.to_string())
+        };
+        for bad in [0.0, -1.0, f32::NAN, f32::INFINITY, 1.5] {
+            assert!(
+                ask(bad, &settings).err().unwrap().contains("tolerance"),
+                "{bad}"
+            );
+        }
+        assert!(ask(0.1, &[]).err().unwrap().contains("scenes"));
+        let found = ask(0.1, &settings).unwrap();
+        assert_eq!(
+            (found.form().bytes(), found.form().kind()),
+            (0, "constants")
+        );
+        assert_eq!(found.trials.last().unwrap().verdict, Verdict::Taken);
+    }
+
+    #[test]
+    fn whoever_cancels_is_obeyed() {
+        let map = AnisoMap::constant(Size::new(4, 4).unwrap(), Wrap::Repeat, DEFAULT_TEXEL);
+        let mesh = Arc::new(crate::mesh::builtin("sphere").unwrap());
+        let request = Request {
+            map: &map,
+            aspect: 1.0,
+            material: &Material::default(),
+            model: Model::Ward,
+            settings: &[Setting {
+                mesh_name: "sphere".to_owned(),
+                light_name: "studio".to_owned(),
+                scene: Scene::for_mesh(&mesh),
+                mesh,
+            }],
+            metric: Metric::Flip,
+            tolerance: 0.1,
+            size: Size::new(16, 16).unwrap(),
+        };
+        let stop = |_: u64, _: u64| false;
+        let cancelled = least(&request, &Progress::new(&stop));
+        assert!(matches!(cancelled, Err(Error::Cancelled)));
+    }
 }

@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::filter::reduce;
 use crate::map::{AnisoMap, Size, Texel};
 use crate::recipe::Material;
+use std::borrow::Cow;
 use std::f32::consts::PI;
 
 /// Points along a side at which two maps are compared.
@@ -35,7 +36,7 @@ pub(super) struct Predictor {
 impl Predictor {
     /// `picture` is the size of the picture in pixels: a map of twice as many texels shows all that it can.
     pub(super) fn new(map: &AnisoMap, material: &Material, picture: Size) -> Result<Self> {
-        let size = Size::new(
+        let twice = Size::new(
             map.width().min(2 * picture.width()),
             map.height().min(2 * picture.height()),
         )?;
@@ -46,7 +47,7 @@ impl Predictor {
         let peak = brightest(material.specular) / (4.0 * PI * typical.alpha_x * typical.alpha_y);
         let contrast = peak / diffuse;
         Ok(Self {
-            seen: reduce(map, size)?,
+            seen: as_coarse(map, twice)?.into_owned(),
             k_max: (100.0 * contrast).max(1.0).ln().clamp(0.0, 12.0),
             contrast,
             alpha: typical.alpha_x.max(typical.alpha_y),
@@ -59,10 +60,14 @@ impl Predictor {
     }
 
     /// e^dk - 1 of the mean change of the exponent between the maps, measured over a grid of points.
-    pub(super) fn of_map(&self, map: &AnisoMap) -> f32 {
+    ///
+    /// # Errors
+    /// None: both maps are reduced to sizes that they have room for.
+    pub(super) fn of_map(&self, map: &AnisoMap) -> Result<f32> {
         if self.contrast == 0.0 {
-            return 0.0;
+            return Ok(0.0);
         }
+        let map = as_coarse(map, self.seen.size())?;
         let mut sum = 0.0;
         for j in 0..POINTS {
             for i in 0..POINTS {
@@ -71,7 +76,7 @@ impl Predictor {
                 sum += change_of_exponent(a, b, self.k_max);
             }
         }
-        (sum / (POINTS * POINTS) as f32).min(DK_MAX).exp_m1()
+        Ok((sum / (POINTS * POINTS) as f32).min(DK_MAX).exp_m1())
     }
 
     /// The same of a model in place of another: for Ward's two forms (3/4) k_max² alpha²; without the specular term, all of it.
@@ -86,6 +91,19 @@ impl Predictor {
             _ => None,
         }
     }
+}
+
+/// A map that is nowhere finer than `size`.
+fn as_coarse(map: &AnisoMap, size: Size) -> Result<Cow<'_, AnisoMap>> {
+    let coarse = Size::new(
+        map.width().min(size.width()),
+        map.height().min(size.height()),
+    )?;
+    Ok(if coarse == map.size() {
+        Cow::Borrowed(map)
+    } else {
+        Cow::Owned(reduce(map, coarse)?)
+    })
 }
 
 fn change_of_exponent(a: Texel, b: Texel, k_max: f32) -> f32 {
@@ -135,25 +153,26 @@ mod tests {
         let p = Predictor::new(&full, &material, Size::new(64, 64).unwrap()).unwrap();
         // Peak 0.19 / (4 pi 0.04) over 0.15 / pi, times 100.
         assert!((p.k_max() - 792f32.ln()).abs() < 0.01, "{}", p.k_max());
-        assert_eq!(p.of_map(&full), 0.0);
+        let of_map = |m: &AnisoMap| p.of_map(m).unwrap();
+        assert_eq!(of_map(&full), 0.0);
         assert!(
-            p.of_map(&map(texel(0.4, 0.1, 110.0))) < 1e-4,
+            of_map(&map(texel(0.4, 0.1, 110.0))) < 1e-4,
             "the same lobe by another name"
         );
-        let turned = p.of_map(&map(texel(0.1, 0.4, 20.5)));
+        let turned = of_map(&map(texel(0.1, 0.4, 20.5)));
         let want = (p.k_max() * 0.5f32.to_radians() * (4.0 - 0.25)).exp_m1();
         assert!((turned / want - 1.0).abs() < 0.01, "{turned} {want}");
-        let wider = p.of_map(&map(texel(0.101, 0.4, 20.0)));
+        let wider = of_map(&map(texel(0.101, 0.4, 20.0)));
         let want = ((2.0 * p.k_max() + 1.0) * 1.01f32.ln()).exp_m1();
         assert!((wider / want - 1.0).abs() < 0.01, "{wider} {want}");
-        assert!(p.of_map(&map(texel(0.1, 0.4, 110.0))).is_finite());
+        assert!(of_map(&map(texel(0.1, 0.4, 110.0))).is_finite());
         let dull = Material {
             specular: [0.0; 3],
             ..material
         };
-        let p = Predictor::new(&full, &dull, Size::new(64, 64).unwrap()).unwrap();
-        assert_eq!(p.of_map(&map(texel(0.5, 0.5, 0.0))), 0.0);
-        assert_eq!(p.of_model(Model::Ward, Model::Lambert), Some(0.0));
+        let q = Predictor::new(&full, &dull, Size::new(64, 64).unwrap()).unwrap();
+        assert_eq!(q.of_map(&map(texel(0.5, 0.5, 0.0))).unwrap(), 0.0);
+        assert_eq!(q.of_model(Model::Ward, Model::Lambert), Some(0.0));
     }
 
     #[test]
