@@ -4,17 +4,21 @@
 //! |---|---|
 //! | size, camera, samples, mesh | everything |
 //! | lights, exposure, background, colours, look | every tile is lit anew; what its samples see is kept |
-//! | a rectangle of the map | the tiles are lit anew that see any of it |
+//! | a rectangle of the map | the pixels are lit anew whose fetches may reach it |
 //! | nothing | nothing |
 //!
 //! Whatever was done, the picture is bit for bit the one that drawing everything gives.
 
 use super::prepared::{Prepared, cull};
+use super::shade::{Desk, Lines};
 use super::{Look, Material, Picture, Scene, Stage, Timings, sample_grid};
 use crate::error::Result;
 use crate::map::{AnisoMap, Rect, Size};
+use crate::math;
 use crate::progress::Progress;
 use crate::raster::{Bins, Corners, Cull, Fragments, Tile, View};
+use fearless_simd::{Simd, dispatch};
+use fearless_simd_macros::simd;
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -26,7 +30,7 @@ const KEPT_MAX: u64 = 1 << 26;
 pub enum Redrawn {
     /// The picture stood already.
     Nothing,
-    /// So many tiles were lit anew.
+    /// Pixels of so many tiles were lit anew.
     Tiles(usize),
     /// All were lit anew, what they see was kept.
     Light,
@@ -134,7 +138,7 @@ impl Frame {
                 Some([]) => Redrawn::Nothing,
                 Some(rects) => Redrawn::Tiles(job.relight_some(kept, rects, &mut self.picture)?),
                 None => {
-                    job.relight(kept, |_| true, &mut self.picture)?;
+                    job.relight(kept, &mut self.picture)?;
                     Redrawn::Light
                 }
             }
@@ -250,19 +254,66 @@ impl Job<'_> {
         })
     }
 
-    /// Lights the tiles of which `is_wanted` says so.
-    fn relight(
+    /// Lights every tile.
+    fn relight(&self, kept: &mut Kept, picture: &mut Picture) -> Result<()> {
+        let shader = self.subject.shader(self.scene, picture.size(), self.look);
+        self.each_kept(
+            kept,
+            picture,
+            |_| true,
+            |tile, desk, lines| {
+                shader.tile(tile, desk, lines, self.timings);
+            },
+        )
+    }
+
+    /// Lights the pixels that see any of some rectangles of the map, and counts the tiles where such may be.
+    fn relight_some(
         &self,
         kept: &mut Kept,
-        is_wanted: impl Fn(usize) -> bool + Sync,
+        rects: &[Rect],
         picture: &mut Picture,
+    ) -> Result<usize> {
+        if kept.reaches.is_none() {
+            kept.reaches = Some(self.reaches(kept)?);
+        }
+        let (map, mips) = (self.subject.map(), self.scene.quality.mips);
+        let changed: Vec<[(f32, f32); 2]> = rects.iter().map(|r| sides(*r, map.size())).collect();
+        let mut cells = Cells::default();
+        for [across, down] in &changed {
+            cells.add(*across, *down);
+        }
+        let reaches = kept.reaches.as_ref().expect("just made");
+        let touched: Vec<bool> = reaches.0.iter().map(|r| r.meets(&cells)).collect();
+        let samples = kept.samples;
+        let shader = self.subject.shader(self.scene, picture.size(), self.look);
+        self.each_kept(
+            kept,
+            picture,
+            |i| touched[i],
+            |tile, desk, lines| {
+                let wanted = reaching(map, &desk.fragments, mips, &changed);
+                keep_pixels(&mut desk.fragments, tile, samples, &wanted);
+                shader.pixels_of_fragments(tile, desk, lines, self.timings);
+            },
+        )?;
+        Ok(touched.into_iter().filter(|t| *t).count())
+    }
+
+    /// Calls `light` for the tiles that are wanted, with their fragments on the desk.
+    fn each_kept(
+        &self,
+        kept: &mut Kept,
+        picture: &mut Picture,
+        is_wanted: impl Fn(usize) -> bool + Sync,
+        light: impl Fn(Rect, &mut Desk, &mut Lines<'_>) + Sync,
     ) -> Result<()> {
         let Self {
             subject,
             scene,
-            look,
             timings,
             progress,
+            ..
         } = *self;
         let Kept {
             view,
@@ -270,7 +321,6 @@ impl Job<'_> {
             tiles,
             ..
         } = kept;
-        let shader = subject.shader(scene, picture.size(), look);
         let changes = scene.quality.needs_changes();
         progress.expect(tiles.len() as u64);
         let window = view.size().rect();
@@ -285,40 +335,11 @@ impl Job<'_> {
                     timings.time(Stage::Resolve, || {
                         tile.resolve(&subject.geometry, corners, changes, &mut desk.fragments);
                     });
-                    shader.tile(tile.rect, desk, &mut lines[0], timings);
+                    light(tile.rect, desk, &mut lines[0]);
                 }
                 progress.step()
             },
         )
-    }
-
-    /// Lights the tiles that see any of some rectangles of the map, and counts them.
-    fn relight_some(
-        &self,
-        kept: &mut Kept,
-        rects: &[Rect],
-        picture: &mut Picture,
-    ) -> Result<usize> {
-        if kept.reaches.is_none() {
-            kept.reaches = Some(self.reaches(kept)?);
-        }
-        let reaches = kept.reaches.take().expect("just made");
-        let size = self.subject.map().size();
-        let mut changed = Cells::default();
-        for rect in rects {
-            let part = |start: u32, length: u32, all: u32| {
-                let place = |t: u32| t as f32 / all as f32;
-                (place(start), place(start + length))
-            };
-            changed.add(
-                part(rect.x, rect.width, size.width()),
-                part(rect.y, rect.height, size.height()),
-            );
-        }
-        let touched: Vec<bool> = reaches.0.iter().map(|r| r.meets(&changed)).collect();
-        kept.reaches = Some(reaches);
-        self.relight(kept, |i| touched[i], picture)?;
-        Ok(touched.into_iter().filter(|t| *t).count())
     }
 
     /// What parts of the map the tiles see.
@@ -392,27 +413,10 @@ impl Cells {
 
     /// The cells that fetches for some fragments may reach.
     fn seen(map: &AnisoMap, fragments: &Fragments, mips: bool) -> Self {
-        let size = Vec2::new(map.width() as f32, map.height() as f32);
-        let wrap = map.wrap();
         let mut cells = Self::default();
         for i in 0..fragments.len() {
-            let uv = fragments.uv(i);
-            let texels = if mips {
-                reach(fragments.uv_change(i).map(|d| d * size))
-            } else {
-                PLAIN_REACH
-            };
-            let around = |at: f32, side: f32, repeats: bool| {
-                let (low, high) = (at - texels / side, at + texels / side);
-                if repeats {
-                    (low, high)
-                } else {
-                    // The last texels go on for ever.
-                    (low.clamp(0.0, 1.0), high.clamp(0.0, 1.0))
-                }
-            };
-            let across = around(uv.x, size.x, wrap.repeats_u());
-            let down = around(1.0 - uv.y, size.y, wrap.repeats_v());
+            let place = Place::of(map, fragments, i, mips);
+            let [across, down] = place.sides();
             if !(across.0 + across.1 + down.0 + down.1).is_finite() {
                 return Self::ALL;
             }
@@ -422,16 +426,141 @@ impl Cells {
     }
 }
 
+/// Where fetches for a fragment reach, in parts of the map from its left and its upper edge.
+struct Place {
+    middle: [f32; 2],
+    reach: [f32; 2],
+    repeats: [bool; 2],
+}
+
+impl Place {
+    #[inline(always)]
+    fn of(map: &AnisoMap, fragments: &Fragments, i: usize, mips: bool) -> Self {
+        let size = Vec2::new(map.width() as f32, map.height() as f32);
+        let uv = fragments.uv(i);
+        let texels = if mips {
+            reach(fragments.uv_change(i).map(|d| d * size))
+        } else {
+            PLAIN_REACH
+        };
+        let repeats = [map.wrap().repeats_u(), map.wrap().repeats_v()];
+        let middle = [uv.x, 1.0 - uv.y];
+        // Past the edge the last texels go on for ever.
+        let held = |k: usize| {
+            if repeats[k] {
+                middle[k]
+            } else {
+                middle[k].clamp(0.0, 1.0)
+            }
+        };
+        Self {
+            middle: [held(0), held(1)],
+            reach: (texels / size).to_array(),
+            repeats,
+        }
+    }
+
+    fn sides(&self) -> [(f32, f32); 2] {
+        [0, 1].map(|k| {
+            let (low, high) = (
+                self.middle[k] - self.reach[k],
+                self.middle[k] + self.reach[k],
+            );
+            if self.repeats[k] {
+                (low, high)
+            } else {
+                (low.clamp(0.0, 1.0), high.clamp(0.0, 1.0))
+            }
+        })
+    }
+
+    /// Whether it reaches a rectangle of the map; NaN does.
+    #[inline(always)]
+    fn meets(&self, sides: [(f32, f32); 2]) -> bool {
+        (0..2).all(|k| {
+            let (low, high) = sides[k];
+            let away = self.middle[k] - 0.5 * (low + high);
+            let away = if self.repeats[k] {
+                away - math::round_fast(away)
+            } else {
+                away
+            };
+            let apart = away.abs() > 0.5 * (high - low) + self.reach[k];
+            !apart
+        })
+    }
+}
+
+/// A rectangle of the map as parts of it from its left and its upper edge.
+fn sides(rect: Rect, size: Size) -> [(f32, f32); 2] {
+    let part = |start: u32, length: u32, all: u32| {
+        let place = |t: u32| t as f32 / all as f32;
+        (place(start), place(start + length))
+    };
+    [
+        part(rect.x, rect.width, size.width()),
+        part(rect.y, rect.height, size.height()),
+    ]
+}
+
+/// Leaves of a tile's fragments those in whose pixel any is wanted.
+fn keep_pixels(fragments: &mut Fragments, tile: Rect, samples: u32, is_wanted: &[bool]) {
+    if !is_wanted.contains(&true) {
+        fragments.keep(|_| false);
+        return;
+    }
+    let width = (tile.width / samples) as usize;
+    let mut wanted = vec![false; width * (tile.height / samples) as usize];
+    let mut pixels = Vec::with_capacity(fragments.len());
+    let samples = samples as u16;
+    for span in fragments.spans() {
+        let row = usize::from(span.row / samples) * width;
+        pixels.extend((0..span.count).map(|i| row + usize::from((span.column + i) / samples)));
+    }
+    for (&pixel, is_wanted) in pixels.iter().zip(is_wanted) {
+        wanted[pixel] |= is_wanted;
+    }
+    fragments.keep(|i| wanted[pixels[i]]);
+}
+
+/// Which fragments' fetches may reach any of some rectangles of the map.
+fn reaching(
+    map: &AnisoMap,
+    fragments: &Fragments,
+    mips: bool,
+    changed: &[[(f32, f32); 2]],
+) -> Vec<bool> {
+    let mut out = vec![false; fragments.len()];
+    dispatch!(math::level(), simd => mark(simd, (map, fragments), mips, changed, &mut out));
+    out
+}
+
+#[simd]
+fn mark<S: Simd>(
+    _: S,
+    (map, fragments): (&AnisoMap, &Fragments),
+    mips: bool,
+    changed: &[[(f32, f32); 2]],
+    out: &mut [bool],
+) {
+    for (i, out) in out.iter_mut().enumerate() {
+        let place = Place::of(map, fragments, i, mips);
+        *out = changed.iter().any(|sides| place.meets(*sides));
+    }
+}
+
 /// Texels that a fetch between four texels may be away from its place.
 const PLAIN_REACH: f32 = 1.5;
 
 /// Texels that [`Pyramid::sample`](crate::filter::Pyramid::sample) may reach from its place, for steps to the right and
 /// downward in texels: half its long side, and three texels of the coarser of its two levels, each of which is under four
-/// times its short side wide.
+/// times its short side wide. [`Pyramid::varieties`](crate::filter::Pyramid::varieties) asks one texel that is under four
+/// times the long side wide.
+#[inline(always)]
 fn reach([dx, dy]: [Vec2; 2]) -> f32 {
     let long = (dx.length_squared() + dy.length_squared()).sqrt();
     // The long side of the ellipse is at least 1/sqrt 2 of this.
     let short = std::f32::consts::SQRT_2 * dx.perp_dot(dy).abs() / long;
     let width = short.max(long / 8.0).max(1.0);
-    (0.5 * long + 6.5 * width).max(PLAIN_REACH)
+    (0.5 * long + 6.5 * width).max(4.0 * long).max(PLAIN_REACH)
 }

@@ -43,6 +43,8 @@ pub(super) struct Chunk {
     pub(super) texel: [[f32; 4]; CHUNK],
     /// How different the lobes under the footprint are; see [`Pyramid::varieties`].
     variety: Lane,
+    /// The share of the specular light that the lobe stands for.
+    pub(super) share: Lane,
     /// The prepared lobe.
     pub(super) lobe: [Lane; 4],
     /// The unit vector to a light in the frame, and the share of its irradiance that arrives.
@@ -94,6 +96,7 @@ impl Chunk {
             bend: [zero; 3],
             texel: [[0.0; 4]; CHUNK],
             variety: zero,
+            share: [1.0; CHUNK],
             lobe: [zero; 4],
             light: [zero; 3],
             falloff: [1.0; CHUNK],
@@ -418,7 +421,7 @@ pub(super) fn gather<S: Simd>(
     for i in 0..n.min(CHUNK) {
         let lit = (chunk.light[2][i] > 0.0) & (chunk.view[2][i] > least);
         let cosine = choose(lit, chunk.light[2][i], 0.0) * chunk.falloff[i];
-        let reflected = chunk.reflected[i] * chunk.falloff[i];
+        let reflected = chunk.reflected[i] * chunk.falloff[i] * chunk.share[i];
         let light = get(&chunk.radiance, i);
         let light = [
             light[0] + (diffuse[0] * cosine + specular[0] * reflected),
@@ -462,6 +465,14 @@ pub(super) fn average(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize) -> boo
         }
     }
     any
+}
+
+/// Sets what part of the light tap number `tap` of `taps` stands for: of a fragment that needs no taps, the first is all.
+pub(super) fn share_taps(chunk: &mut Chunk, n: usize, tap: usize, taps: usize) {
+    let (each, other) = (1.0 / taps as f32, if tap == 0 { 1.0 } else { 0.0 });
+    for i in 0..n {
+        chunk.share[i] = choose(chunk.variety[i] > VARIED, each, other);
+    }
 }
 
 /// One of several places in the footprints of the fragments that [`average`] marked: the map there takes the place of what was

@@ -127,6 +127,21 @@ impl<'a> Shader<'a> {
         lines: &mut Lines<'_>,
         timings: &Timings,
     ) {
+        if desk.fragments.len() < samples.texels() {
+            let rect = self.pixels(samples);
+            timings.time(Stage::Gather, || self.fill_background(rect, lines));
+        }
+        self.pixels_of_fragments(samples, desk, lines, timings);
+    }
+
+    /// Lights those pixels of a tile that the desk's fragments are in; of each, all that see something must be there.
+    pub(super) fn pixels_of_fragments(
+        &self,
+        samples: Rect,
+        desk: &mut Desk,
+        lines: &mut Lines<'_>,
+        timings: &Timings,
+    ) {
         let rect = self.pixels(samples);
         let Desk {
             fragments,
@@ -134,9 +149,6 @@ impl<'a> Shader<'a> {
             sums,
             ..
         } = desk;
-        if fragments.len() < samples.texels() {
-            timings.time(Stage::Gather, || self.fill_background(rect, lines));
-        }
         if fragments.is_empty() {
             return;
         }
@@ -280,20 +292,22 @@ impl<'a> Shader<'a> {
             timings.time(Stage::Fetch, || {
                 if varied {
                     packed::fetch_tap(self.pyramid, chunk, n, *tap);
+                    packed::share_taps(chunk, n, i, taps.len());
+                } else {
+                    chunk.share[..n].fill(1.0);
                 }
                 dispatch!(level, simd => packed::lobes(simd, chunk, n, quality.widening));
             });
             timings.time(Stage::Shade, || {
-                let diffuse = if i == 0 { 1.0 } else { 0.0 };
                 for light in &self.scene.lights {
-                    self.add_light(light, chunk, n, [diffuse, 1.0 / taps.len() as f32]);
+                    self.add_light(light, chunk, n, i == 0);
                 }
             });
         }
     }
 
-    /// Adds shares of a light's diffuse and specular reflection.
-    fn add_light(&self, light: &Light, chunk: &mut Chunk, n: usize, share: [f32; 2]) {
+    /// Adds the specular reflection of a light, and with `diffuse` also that.
+    fn add_light(&self, light: &Light, chunk: &mut Chunk, n: usize, diffuse: bool) {
         let level = math::level();
         let power = match *light {
             Light::Directional { toward, irradiance } => {
@@ -318,8 +332,8 @@ impl<'a> Shader<'a> {
         kernel::shade(level, self.model, &batch, &mut chunk.reflected[..n]);
         let power = Vec3::from(power);
         let colours = (
-            (power * Vec3::from(self.material.diffuse) * share[0]).to_array(),
-            (power * Vec3::from(self.material.specular) * share[1]).to_array(),
+            (power * Vec3::from(self.material.diffuse) * f32::from(u8::from(diffuse))).to_array(),
+            (power * Vec3::from(self.material.specular)).to_array(),
         );
         let seen_only = !self.scene.quality.widening;
         dispatch!(level, simd => packed::gather(simd, chunk, n, colours, seen_only));

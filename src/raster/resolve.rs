@@ -49,6 +49,33 @@ pub struct Lanes {
     pub q_change: [Lane; 2],
 }
 
+impl Lanes {
+    fn each(&mut self, mut change: impl FnMut(&mut Lane)) {
+        let Self {
+            column,
+            row,
+            facing,
+            hand,
+            q,
+            normal,
+            tangent,
+            uv,
+            normal_change,
+            uv_change,
+            q_change,
+        } = self;
+        [column, row, facing, hand, q]
+            .into_iter()
+            .chain(normal)
+            .chain(tangent)
+            .chain(uv)
+            .chain(normal_change.as_flattened_mut())
+            .chain(uv_change.as_flattened_mut())
+            .chain(q_change)
+            .for_each(&mut change);
+    }
+}
+
 /// Neighbours in a row that all see something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
@@ -156,11 +183,13 @@ impl Fragments {
     }
 
     /// Texture coordinate, v up.
+    #[inline(always)]
     pub fn uv(&self, i: usize) -> Vec2 {
         two(&self.lanes.uv, i) * self.inverse(i)
     }
 
     /// Change of the texture coordinate to the right and downward. Rubbish where changes were not asked for.
+    #[inline(always)]
     pub fn uv_change(&self, i: usize) -> [Vec2; 2] {
         let uv = self.uv(i);
         [0, 1].map(|k| {
@@ -179,6 +208,27 @@ impl Fragments {
         })
     }
 
+    /// Leaves out the fragments of which `is_kept` says no; it is asked in order, each once.
+    pub fn keep(&mut self, mut is_kept: impl FnMut(usize) -> bool) {
+        let mut spans = Vec::with_capacity(self.spans.len());
+        let (mut from, mut to) = (0, 0);
+        for span in &self.spans {
+            for column in span.column..span.column + span.count {
+                if is_kept(from) {
+                    join(&mut spans, column.into(), span.row.into(), 1);
+                    if to < from {
+                        self.lanes.each(|lane| lane[to] = lane[from]);
+                    }
+                    to += 1;
+                }
+                from += 1;
+            }
+        }
+        self.spans = spans;
+        self.count = to;
+    }
+
+    #[inline(always)]
     fn inverse(&self, i: usize) -> f32 {
         if self.rays.perspective {
             1.0 / self.lanes.q[i]
@@ -192,6 +242,7 @@ fn three(lanes: &[Lane; 3], i: usize) -> Vec3 {
     Vec3::new(lanes[0][i], lanes[1][i], lanes[2][i])
 }
 
+#[inline(always)]
 fn two(lanes: &[Lane; 2], i: usize) -> Vec2 {
     Vec2::new(lanes[0][i], lanes[1][i])
 }

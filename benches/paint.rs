@@ -1,0 +1,163 @@
+//! How soon a dab shows: 128x128 texels of a 4096x4096 map change, on a torus of 1024x1024 pixels under the studio lights.
+//!
+//! Run with `cargo bench --bench paint`. One line per case: `case=reshade-dab threads=2 samples=2 ms_min=… ms_median=… ms_p99=…`.
+//! `map` is the change of the map and of its levels, `reshade` the picture after it, `dab` both; `light` lights the whole
+//! picture anew and `everything` draws it anew. After every dab the picture is held against one drawn anew, out of the time.
+//!
+//! Words after `--` choose cases by the beginnings of their names.
+
+use anisomap::map::{AnisoMap, Rect, Size, Texel, Wrap};
+use anisomap::math::Axis;
+use anisomap::mesh;
+use anisomap::preview::{Frame, Look, Material, Prepared, Redrawn, Scene, Timings};
+use anisomap::progress::Progress;
+use std::time::Instant;
+
+const MAP_SIDE: u32 = 4096;
+const PICTURE_SIDE: u32 = 1024;
+const DAB: u32 = 128;
+const ROUNDS: u32 = 40;
+
+/// Streaks along u, a new one each row.
+fn brushed() -> AnisoMap {
+    let size = Size::new(MAP_SIDE, MAP_SIDE).expect("a size");
+    let mut planes = [const { Vec::new() }; 4];
+    for y in 0..MAP_SIDE {
+        let streak = (y.wrapping_mul(2_654_435_761) >> 20) as f32 / 4096.0;
+        let axis = Axis::from_degrees(4.0 * streak - 2.0);
+        let row = [0.06 + 0.06 * streak, 0.3, axis.cos2, axis.sin2];
+        for (plane, value) in planes.iter_mut().zip(row) {
+            plane.extend(std::iter::repeat_n(value, MAP_SIDE as usize));
+        }
+    }
+    let map = AnisoMap::from_planes(size, Wrap::Repeat, planes);
+    map.expect("four planes").0
+}
+
+/// Turns the texels of a square a little, so that every dab changes something.
+fn dab(prepared: &mut Prepared<'_>, rect: Rect, round: u32) {
+    prepared.change_map(rect, |map| {
+        let mut region = map.region(rect);
+        for i in 0..rect.texels() {
+            let texel = Texel {
+                alpha_x: 0.1,
+                alpha_y: 0.4,
+                axis: Axis::from_degrees(7.0 * round as f32),
+            };
+            region.view_mut().set(i, texel);
+        }
+        map.write_region(&region);
+    });
+}
+
+fn milliseconds<T>(work: impl FnOnce() -> T) -> (f64, T) {
+    let start = Instant::now();
+    let done = work();
+    (start.elapsed().as_secs_f64() * 1e3, done)
+}
+
+fn is_wanted(name: &str) -> bool {
+    let mut words = std::env::args()
+        .skip(1)
+        .filter(|a| !a.starts_with('-'))
+        .peekable();
+    words.peek().is_none() || words.any(|w| name.starts_with(&w))
+}
+
+fn report(name: &str, threads: usize, samples: u32, mut times: Vec<f64>) {
+    if !is_wanted(name) || times.is_empty() {
+        return;
+    }
+    times.sort_by(f64::total_cmp);
+    let at = |q: f64| times[((times.len() - 1) as f64 * q).round() as usize];
+    println!(
+        "case={name} threads={threads} samples={samples} ms_min={:.3} ms_median={:.3} ms_p99={:.3}",
+        at(0.0),
+        at(0.5),
+        at(0.99)
+    );
+}
+
+fn run(threads: usize, samples: u32, map: &AnisoMap) {
+    let mesh = mesh::torus();
+    let (off, none) = (Timings::off(), Progress::none());
+    let material = Material::default();
+    let mut prepared =
+        Prepared::new(&mesh, map.clone(), material, &off).expect("a mesh that fits together");
+    let mut scene = Scene {
+        samples,
+        ..Scene::for_mesh(&mesh)
+    };
+    let size = Size::new(PICTURE_SIDE, PICTURE_SIDE).expect("a size");
+    let look = Look::default();
+    let mut frame = Frame::new(size);
+    let mut anew = Frame::new(size);
+    let mut draw = |frame: &mut Frame, prepared: &Prepared<'_>, scene: &Scene| {
+        milliseconds(|| {
+            frame
+                .draw(prepared, scene, look, &off, &none)
+                .expect("a picture")
+        })
+    };
+    let [mut everything, mut light, mut maps, mut reshades, mut dabs] = [const { Vec::new() }; 5];
+    draw(&mut frame, &prepared, &scene);
+    // The parts of the map that each tile sees are worked out when it first changes.
+    dab(
+        &mut prepared,
+        Rect {
+            x: 0,
+            y: 0,
+            width: 1,
+            height: 1,
+        },
+        0,
+    );
+    draw(&mut frame, &prepared, &scene);
+    for round in 0..ROUNDS {
+        // In the part of the map that is seen, from the outer rim over the top.
+        let rect = Rect {
+            x: 256 * (round % 8) + 3072 * u32::from(round % 2 == 1),
+            y: 1024 + 32 * round,
+            width: DAB,
+            height: DAB,
+        };
+        let rect = Rect {
+            x: rect.x % (MAP_SIDE - DAB),
+            ..rect
+        };
+        let (map_time, ()) = milliseconds(|| dab(&mut prepared, rect, round));
+        let (time, redrawn) = draw(&mut frame, &prepared, &scene);
+        assert!(matches!(redrawn, Redrawn::Tiles(_)), "{redrawn:?}");
+        maps.push(map_time);
+        reshades.push(time);
+        dabs.push(map_time + time);
+        if round % 8 == 0 {
+            anew.resize(Size::new(1, 1).expect("a size"));
+            anew.resize(size);
+            everything.push(draw(&mut anew, &prepared, &scene).0);
+            assert!(frame.picture() == anew.picture(), "a dab is a full redraw");
+        }
+    }
+    for round in 0..8 {
+        scene.exposure = 0.1 * round as f32 + 0.05;
+        let (time, redrawn) = draw(&mut frame, &prepared, &scene);
+        assert_eq!(redrawn, Redrawn::Light);
+        light.push(time);
+    }
+    report("map-dab", threads, samples, maps);
+    report("reshade-dab", threads, samples, reshades);
+    report("dab", threads, samples, dabs);
+    report("light", threads, samples, light);
+    report("everything", threads, samples, everything);
+}
+
+fn main() {
+    let map = brushed();
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.expect("threads");
+        for samples in [1, 2] {
+            pool.install(|| run(threads, samples, &map));
+        }
+    }
+}
