@@ -28,7 +28,7 @@ use crate::recipe::Material;
 use form::Kept;
 use glam::Vec2;
 use measure::Studio;
-use predict::{Predictor, is_hopeless};
+use predict::{Predictor, is_clear, is_hopeless};
 use serde::Serialize;
 use std::fmt;
 use std::str::FromStr;
@@ -166,6 +166,8 @@ pub enum Verdict {
     Seen,
     /// The closed form says that it is far over the tolerance; nothing was drawn.
     Hopeless,
+    /// The closed form says that it is far under the tolerance: it is drawn when it is combined with others.
+    Clear,
     /// Its parts, measured alone, add up to more than the tolerance; nothing was drawn.
     AddsUp,
     /// It looks the same as `preview` draws it, but not as the reference does.
@@ -180,6 +182,7 @@ impl Verdict {
             Self::Same => "looks the same",
             Self::Seen => "is seen",
             Self::Hopeless => "far over by its closed form, not drawn",
+            Self::Clear => "looks the same by its closed form",
             Self::AddsUp => "its parts add up to more, not drawn",
             Self::SeenByReference => "is seen by the reference",
         }
@@ -398,6 +401,12 @@ impl Search<'_> {
 
     /// The share of the tolerance that a form takes alone, if it looks the same.
     fn alone(&mut self, form: Form) -> Result<Option<f64>> {
+        let request = self.request;
+        let predicted = self.predictor.of_map(&self.kept(form)?.map)?;
+        if is_clear(request.metric, predicted, request.tolerance) {
+            self.log(form, Some(predicted), None, Verdict::Clear);
+            return Ok(Some(0.0));
+        }
         Ok(self.tried(form)?.map(|(_, share)| share))
     }
 

@@ -20,6 +20,8 @@ use std::f32::consts::PI;
 const POINTS: u32 = 61;
 /// A prediction this many times what usually is the tolerance is out of the question.
 const HOPELESS: f32 = 10.0;
+/// A prediction this many times smaller is clearly under it, at its worst pixel too.
+const CLEAR: f32 = 200.0;
 /// The largest change of an exponent that is told apart from a larger one.
 const DK_MAX: f32 = 20.0;
 
@@ -120,12 +122,21 @@ fn change_of_exponent(a: Texel, b: Texel, k_max: f32) -> f32 {
 /// thirtieth of the change in FLIP, the change itself (times 1.3) in CIEDE2000, a tenth of it in luminance: from the sphere that the
 /// rules of an invisible error were measured on.
 pub(super) fn is_hopeless(metric: Metric, predicted: f32, tolerance: f32) -> bool {
-    let usual = match metric {
+    usual(metric, predicted) > HOPELESS * tolerance
+}
+
+/// Whether a prediction is so far under the tolerance that drawing it alone tells nothing.
+pub(super) fn is_clear(metric: Metric, predicted: f32, tolerance: f32) -> bool {
+    CLEAR * usual(metric, predicted) < tolerance
+}
+
+/// The mean error of a picture that a prediction usually means.
+fn usual(metric: Metric, predicted: f32) -> f32 {
+    match metric {
         Metric::Flip => predicted / 35.0,
         Metric::De => predicted * 1.3,
         Metric::Luminance => predicted / 10.0,
-    };
-    usual > HOPELESS * tolerance
+    }
 }
 
 #[cfg(test)]
@@ -178,6 +189,7 @@ mod tests {
     #[test]
     fn only_what_is_far_over_is_out_of_the_question() {
         assert!(is_hopeless(Metric::Flip, 10.0, 0.01) && !is_hopeless(Metric::Flip, 1.0, 0.01));
+        assert!(is_clear(Metric::Flip, 1e-3, 0.01) && !is_clear(Metric::Flip, 1e-2, 0.01));
         assert!(!is_hopeless(Metric::De, 1.0, 0.5) && is_hopeless(Metric::Luminance, 20.0, 0.1));
     }
 }
