@@ -203,7 +203,7 @@ fn drawn(map: &AnisoMap, file: &RecipeFile, word: &str, light: Vec3) -> Picture 
         map,
         material: &file.recipe().material,
     };
-    let size = Size::new(96, 96).expect("a size");
+    let size = Size::new(64, 64).expect("a size");
     render_reference(
         subject,
         &scene,
@@ -226,7 +226,7 @@ fn what_was_written_stays_within_the_tolerance_on_every_mesh_and_light() {
     ] {
         let lights = "--light=-1,2,3 --light=2,0.5,1";
         desk.works(&format!(
-            "reduce {preset} -o out --tolerance {tolerance} --map-size 128 --size 96 --mesh torus --mesh disc {lights}"
+            "reduce {preset} -o out --tolerance {tolerance} --map-size 128 --size 64 --mesh torus --mesh disc {lights}"
         ));
         let full = open(preset).expect("a preset");
         let map = filled(

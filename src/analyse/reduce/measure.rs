@@ -7,7 +7,8 @@ use crate::brdf::Model;
 use crate::error::{Error, Result};
 use crate::map::AnisoMap;
 use crate::preview::{
-    Background, Look, Picture, REFERENCE_SAMPLES, Scene, Subject, Timings, render, render_reference,
+    Background, Look, Picture, Quality, REFERENCE_SAMPLES, SAMPLES_MAX, Scene, Subject, Timings,
+    render, render_reference,
 };
 use crate::progress::Progress;
 use rayon::prelude::*;
@@ -76,7 +77,7 @@ fn errors(metric: Metric, first: &Picture, second: &Picture) -> Result<Vec<f32>>
 /// The full map's pictures, and the means to draw others beside them.
 pub(super) struct Studio<'a> {
     request: &'a Request<'a>,
-    /// Of each setting: the full map's picture as `preview` draws it, and where the mesh is.
+    /// Of each setting: the full map's picture, and where the mesh is.
     drawn: Vec<(Picture, Vec<bool>)>,
     /// The full map's reference pictures, drawn when the first is asked for.
     references: Vec<Picture>,
@@ -120,8 +121,23 @@ impl<'a> Studio<'a> {
     ) -> Result<Picture> {
         let look = Look { model, mean: false };
         let subject = self.subject(setting, map);
+        let scene = self.scene_of_search(&setting.scene);
         let size = self.request.size;
-        Ok(render(subject, &setting.scene, &[look], size, progress)?.swap_remove(0))
+        Ok(render(subject, &scene, &[look], size, progress)?.swap_remove(0))
+    }
+
+    /// The scene with as many samples as there may be, and as close to the reference as that allows: levels of a map take part
+    /// only where its texels are finer than the samples. A level is chosen by the map's shape, and would tell a strip from the
+    /// map that it is equal to.
+    fn scene_of_search(&self, scene: &Scene) -> Scene {
+        Scene {
+            samples: SAMPLES_MAX,
+            quality: Quality {
+                mips: self.texels_a_pixel() > SAMPLES_MAX,
+                ..scene.quality
+            },
+            ..scene.clone()
+        }
     }
 
     fn draw_reference(
@@ -140,11 +156,16 @@ impl<'a> Studio<'a> {
 
     /// A map of N texels across a picture of n pixels wants N/n samples along a pixel's side.
     pub(super) fn reference_samples(&self) -> u32 {
-        let (map, size) = (self.request.map.size(), self.request.size);
-        let across = map.width().div_ceil(size.width());
-        let wanted = across.max(map.height().div_ceil(size.height()));
+        let wanted = self.texels_a_pixel();
         let allowed = [REFERENCE_SAMPLES, 12, 16].into_iter();
         allowed.filter(|n| *n >= wanted).min().unwrap_or(16)
+    }
+
+    /// Texels along a pixel's side where one turn of the map fills the picture.
+    fn texels_a_pixel(&self) -> u32 {
+        let (map, size) = (self.request.map.size(), self.request.size);
+        let across = map.width().div_ceil(size.width());
+        across.max(map.height().div_ceil(size.height()))
     }
 
     /// Pixels that the mesh covers by half or more: where the colour behind it does not show.
@@ -178,7 +199,7 @@ impl<'a> Studio<'a> {
         .with_hint("Make the picture larger, or turn the camera toward the mesh"))
     }
 
-    /// The error of a map and model in the setting where it is worst, as `preview` draws them.
+    /// The error of a map and model in the setting where it is worst, as the search draws them.
     pub(super) fn error(
         &self,
         map: &AnisoMap,

@@ -105,7 +105,7 @@ pub struct Setting {
     pub light_name: String,
     /// The mesh.
     pub mesh: Arc<Mesh>,
-    /// Camera, lights, exposure, samples of the search.
+    /// Camera, lights, exposure. Its samples and quality are for the times that are told; the search has its own.
     pub scene: Scene,
 }
 
@@ -160,7 +160,7 @@ impl Request<'_> {
 pub enum Verdict {
     /// It is what was taken.
     Taken,
-    /// It looks the same as `preview` draws it.
+    /// It looks the same.
     Same,
     /// It is seen.
     Seen,
@@ -170,7 +170,7 @@ pub enum Verdict {
     Clear,
     /// Its parts, measured alone, add up to more than the tolerance; nothing was drawn.
     AddsUp,
-    /// It looks the same as `preview` draws it, but not as the reference does.
+    /// It looks the same with the samples of the search, but not by the reference.
     SeenByReference,
 }
 
@@ -401,13 +401,19 @@ impl Search<'_> {
 
     /// The share of the tolerance that a form takes alone, if it looks the same.
     fn alone(&mut self, form: Form) -> Result<Option<f64>> {
+        Ok(self.tried(form)?.map(|(_, share)| share))
+    }
+
+    /// The same without drawing what its closed form clears. Not for sizes: how large a texel is in the picture depends on the
+    /// scene.
+    fn alone_or_clear(&mut self, form: Form) -> Result<Option<f64>> {
         let request = self.request;
         let predicted = self.predictor.of_map(&self.kept(form)?.map)?;
         if is_clear(request.metric, predicted, request.tolerance) {
             self.log(form, Some(predicted), None, Verdict::Clear);
             return Ok(Some(0.0));
         }
-        Ok(self.tried(form)?.map(|(_, share)| share))
+        self.alone(form)
     }
 
     /// Tries cheaper models on what looks the same, and has the reference confirm it; without the cheaper model if need be.
@@ -525,7 +531,7 @@ impl Search<'_> {
                 axes,
                 ..Form::full(shape)
             };
-            if let Some(share) = self.alone(form)? {
+            if let Some(share) = self.alone_or_clear(form)? {
                 passed.push(((widths, axes), share));
             }
         }
@@ -541,7 +547,7 @@ impl Search<'_> {
                 storage,
                 ..Form::full(shape)
             };
-            if let Some(share) = self.alone(form)? {
+            if let Some(share) = self.alone_or_clear(form)? {
                 passed.push((storage, share));
             }
         }
