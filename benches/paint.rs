@@ -92,7 +92,7 @@ fn run(threads: usize, samples: u32, map: &AnisoMap) {
     let look = Look::default();
     let mut frame = Frame::new(size);
     let mut anew = Frame::new(size);
-    let mut draw = |frame: &mut Frame, prepared: &Prepared<'_>, scene: &Scene| {
+    let draw = |frame: &mut Frame, prepared: &Prepared<'_>, scene: &Scene| {
         milliseconds(|| {
             frame
                 .draw(prepared, scene, look, &off, &none)

@@ -439,7 +439,8 @@ impl Place {
         let size = Vec2::new(map.width() as f32, map.height() as f32);
         let uv = fragments.uv(i);
         let texels = if mips {
-            reach(fragments.uv_change(i).map(|d| d * size))
+            let halved = map.width().is_power_of_two() && map.height().is_power_of_two();
+            reach(fragments.uv_change(i).map(|d| d * size), halved)
         } else {
             PLAIN_REACH
         };
@@ -554,13 +555,14 @@ const PLAIN_REACH: f32 = 1.5;
 
 /// Texels that [`Pyramid::sample`](crate::filter::Pyramid::sample) may reach from its place, for steps to the right and
 /// downward in texels: half its long side, and three texels of the coarser of its two levels, each of which is under four
-/// times its short side wide. [`Pyramid::varieties`](crate::filter::Pyramid::varieties) asks one texel that is under four
-/// times the long side wide.
+/// times its short side wide. [`Pyramid::varieties`](crate::filter::Pyramid::varieties) asks one texel that is up to four
+/// times the long side wide; twice where sides are halved without rest.
 #[inline(always)]
-fn reach([dx, dy]: [Vec2; 2]) -> f32 {
+fn reach([dx, dy]: [Vec2; 2], halved: bool) -> f32 {
     let long = (dx.length_squared() + dy.length_squared()).sqrt();
     // The long side of the ellipse is at least 1/sqrt 2 of this.
     let short = std::f32::consts::SQRT_2 * dx.perp_dot(dy).abs() / long;
     let width = short.max(long / 8.0).max(1.0);
-    (0.5 * long + 6.5 * width).max(4.0 * long).max(PLAIN_REACH)
+    let texel = if halved { 2.0 * long } else { 4.0 * long };
+    (0.5 * long + 6.5 * width).max(texel).max(PLAIN_REACH)
 }
