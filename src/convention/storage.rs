@@ -273,6 +273,23 @@ impl WidthCodec {
             .back(self.offset + code * self.step)
             .clamp(ALPHA_MIN, ALPHA_MAX)
     }
+
+    /// [`Self::decode`] in place. The choice of encoding is made once, so that the loop vectorises where the caller's does.
+    #[inline(always)]
+    pub fn decode_all(&self, codes: &mut [f32]) {
+        #[inline(always)]
+        fn all(codec: WidthCodec, codes: &mut [f32]) {
+            for code in codes {
+                *code = codec.decode(*code);
+            }
+        }
+        let with = |encoding| Self { encoding, ..*self };
+        match self.encoding {
+            WidthEncoding::Linear => all(with(WidthEncoding::Linear), codes),
+            WidthEncoding::Sqrt => all(with(WidthEncoding::Sqrt), codes),
+            WidthEncoding::Log => all(with(WidthEncoding::Log), codes),
+        }
+    }
 }
 
 /// How the x axis is stored.
@@ -370,6 +387,24 @@ impl AxisCodec {
         let usable = length >= math::AXIS_MIN_LENGTH;
         let inverse = if usable { 1.0 / length } else { 0.0 };
         (if usable { c * inverse } else { 1.0 }, s * inverse)
+    }
+
+    /// [`Self::decode`] in place, the first codes in `cos2` and the second in `sin2`. The choice of encoding is made once, so that
+    /// the loop vectorises where the caller's does.
+    #[inline(always)]
+    pub fn decode_all(&self, cos2: &mut [f32], sin2: &mut [f32]) {
+        #[inline(always)]
+        fn all(codec: AxisCodec, cos2: &mut [f32], sin2: &mut [f32]) {
+            for (c, s) in cos2.iter_mut().zip(sin2) {
+                (*c, *s) = codec.decode([*c, *s]);
+            }
+        }
+        let with = |encoding| Self { encoding, ..*self };
+        match self.encoding {
+            AxisEncoding::Double => all(with(AxisEncoding::Double), cos2, sin2),
+            AxisEncoding::Vector => all(with(AxisEncoding::Vector), cos2, sin2),
+            AxisEncoding::Angle => all(with(AxisEncoding::Angle), cos2, sin2),
+        }
     }
 
     #[inline(always)]
