@@ -8,14 +8,13 @@ use anisomap::Error;
 use anisomap::analyse::compare;
 use anisomap::export::exr::{Precision, write_master, write_rgb_pair};
 use anisomap::export::gltf::{GltfOptions, GltfReport, write_glb, write_gltf};
-use anisomap::export::png::{Depth, write_set};
+use anisomap::export::png::{Depth, write_picture, write_set};
 use anisomap::export::{Export, Written, beside, write_atomic};
 use anisomap::import::gltf::read_gltf;
 use anisomap::map::{AnisoMap, Mended, Size};
 use anisomap::mesh::Mesh;
-use anisomap::preview::{Picture, Timings, panel_size};
+use anisomap::preview::{Timings, panel_size};
 use anisomap::recipe::{RecipeFile, Target, seen_from};
-use image::ImageEncoder;
 use serde::Serialize;
 use serde_json::json;
 use std::fmt::Write as _;
@@ -376,24 +375,6 @@ fn round_trip(path: &Path, map: &AnisoMap, report: &GltfReport) -> Result<RoundT
         alpha_elsewhere: comparison.elsewhere.max,
         degrees: comparison.angle.max_degrees,
         clamped: report.clamped,
-    })
-}
-
-/// Writes a picture as an 8-bit sRGB PNG.
-pub(super) fn write_picture(path: &Path, picture: &Picture) -> Result<Written> {
-    let pixels = picture.to_srgb8();
-    write_atomic(path, |file| {
-        image::codecs::png::PngEncoder::new(file)
-            .write_image(
-                &pixels,
-                picture.width(),
-                picture.height(),
-                image::ExtendedColorType::Rgb8,
-            )
-            .map_err(|e| match e {
-                image::ImageError::IoError(e) => e,
-                other => io::Error::other(other),
-            })
     })
 }
 

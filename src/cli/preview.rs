@@ -1,9 +1,9 @@
 //! `anisomap preview`
 
 use super::args::{PreviewArgs, QualityWord};
-use super::generate::write_picture;
 use super::{Outcome, Result, console, input};
 use anisomap::Error;
+use anisomap::export::png::write_picture;
 use anisomap::map::{AnisoMap, Size};
 use anisomap::mesh::Mesh;
 use anisomap::preview::{

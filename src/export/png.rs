@@ -239,10 +239,46 @@ impl Pixels {
                 self.size.height(),
                 self.color,
             )
-            .map_err(|e| match e {
-                image::ImageError::IoError(e) => e,
-                other => io::Error::other(other.to_string()),
-            })
+            .map_err(io_error)
+    }
+}
+
+/// Writes a lit picture as an 8-bit sRGB PNG; see [`to_srgb8`](crate::preview::Picture::to_srgb8).
+///
+/// # Errors
+/// [`Error::Write`](crate::Error::Write) when the file cannot be written.
+pub fn write_picture(path: &Path, picture: &crate::preview::Picture) -> Result<Written> {
+    let pixels = picture.to_srgb8();
+    let (width, height) = (picture.width(), picture.height());
+    write_atomic(path, |file| {
+        PngEncoder::new(file)
+            .write_image(&pixels, width, height, ExtendedColorType::Rgb8)
+            .map_err(io_error)
+    })
+}
+
+/// Writes numbers of 0 to 1 in row order as a 16-bit grey PNG, for programs to read: no curve is applied.
+///
+/// # Errors
+/// [`Error::Write`](crate::Error::Write) when the file cannot be written.
+///
+/// # Panics
+/// When there are not as many numbers as the size says.
+pub fn write_grey16(path: &Path, size: Size, values: &[f32]) -> Result<Written> {
+    assert_eq!(values.len(), size.texels(), "a number for each pixel");
+    let samples: Vec<u16> = values.iter().map(|v| to_u16(v.clamp(0.0, 1.0))).collect();
+    let pixels = Pixels {
+        size,
+        color: ExtendedColorType::L16,
+        bytes: bytemuck::cast_slice(&samples).to_vec(),
+    };
+    write_atomic(path, |file| pixels.encode(file))
+}
+
+fn io_error(e: image::ImageError) -> io::Error {
+    match e {
+        image::ImageError::IoError(e) => e,
+        other => io::Error::other(other.to_string()),
     }
 }
 
