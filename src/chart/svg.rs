@@ -81,17 +81,6 @@ impl Svg {
         ));
     }
 
-    /// A filled rectangle without an outline.
-    pub(super) fn rect(&mut self, (x, y): (f64, f64), (width, height): (f64, f64), fill: &str) {
-        self.element(format_args!(
-            r#"<rect x="{}" y="{}" width="{}" height="{}" fill="{fill}"/>"#,
-            short(x),
-            short(y),
-            short(width),
-            short(height)
-        ));
-    }
-
     /// A disc with an outline.
     pub(super) fn circle(&mut self, (x, y): (f64, f64), radius: f64, fill: &str, ink: &str) {
         self.element(format_args!(
@@ -281,11 +270,6 @@ impl Axis {
             Scale::Log => (value / self.low).ln() / (self.high / self.low).ln(),
         };
         if t > 0.0 { t.min(1.0) } else { 0.0 }
-    }
-
-    /// The value at the low end.
-    pub(super) fn low(&self) -> f64 {
-        self.low
     }
 
     /// Values that get a line and a number.
