@@ -3,6 +3,7 @@
 use super::reduce::{parse_metric, parse_tolerance};
 use anisomap::analyse::reduce::Metric;
 use anisomap::brdf::Model;
+use anisomap::chart::Part;
 use anisomap::map::Size;
 use anisomap::preview::Look;
 use anisomap::recipe::{SEED_MAX, Target};
@@ -37,7 +38,7 @@ pub(super) enum Command {
     Reduce(ReduceArgs),
     /// Make many maps from a manifest of recipes, sizes, seeds and sweeps
     Batch(BatchArgs),
-    /// Measure on this machine what fails where, and draw it
+    /// Measure speed against accuracy on this machine, or what fails where, and draw it
     Chart(ChartArgs),
     /// Write a completion script for a shell
     Completions(CompletionsArgs),
@@ -364,9 +365,21 @@ pub(super) struct ChartArgs {
     pub(super) output: PathBuf,
     /// Measure where the usual mathematics fails and how far ours is off, where f32 holds for each model, and how much light
     /// each gives back. Exit code 1 when a stated bound is not kept. Example: --stability
-    #[arg(long, required = true)]
+    #[arg(long, conflicts_with_all = ["only", "quick", "pictures"])]
     pub(super) stability: bool,
-    /// JSON for scripts in place of the table: {holds, limits, files}. Example: --json
+    /// Measure only these, with commas between: kernels (one evaluation of a model), pictures (whole frames). Default: both.
+    /// Example: --only kernels
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(super) only: Vec<Part>,
+    /// Small pictures and single rounds, in seconds: to see that all works, not to be believed. Example: --quick
+    #[arg(long)]
+    pub(super) quick: bool,
+    /// Keep every picture as PNG, and beside it how far it is from the reference (FLIP as 16-bit grey), in DIR/pictures.
+    /// Example: --pictures
+    #[arg(long)]
+    pub(super) pictures: bool,
+    /// JSON for scripts in place of the table: {machine, kernels, pictures, files}, with --stability {holds, limits, files}.
+    /// Example: --json
     #[arg(long)]
     pub(super) json: bool,
 }

@@ -5,6 +5,7 @@
 
 mod args;
 mod batch;
+mod chart;
 mod completions;
 mod console;
 mod generate;
@@ -50,10 +51,7 @@ fn dispatch(command: Command) -> Result {
         Command::Inspect(args) => inspect::run(args),
         Command::Reduce(args) => reduce::run(args),
         Command::Batch(args) => batch::run(args),
-        Command::Chart(args) => {
-            console::catch_interrupts();
-            stability::run(&args.output, args.json)
-        }
+        Command::Chart(args) => chart::run(args),
         Command::Completions(args) => completions::run(args),
     }
 }
