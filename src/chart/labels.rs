@@ -103,6 +103,14 @@ pub(super) struct Placed {
     pub(super) leader: Option<(Place, Place)>,
 }
 
+impl Placed {
+    /// How far it is from its point; 0 where it needs no leader line.
+    pub(super) fn reach(&self) -> f64 {
+        self.leader
+            .map_or(0.0, |(a, b)| (b.0 - a.0).hypot(b.1 - a.1))
+    }
+}
+
 /// What labels must keep clear of.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Obstacles<'a> {

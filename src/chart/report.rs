@@ -90,14 +90,14 @@ pub fn measure(folder: &Path, options: &Options, progress: &Progress<'_>) -> Res
     };
     let mut charts = Vec::new();
     if wants(Part::Kernels) {
-        let effort = effort(options.is_quick, 60, 150);
+        let effort = effort(options.is_quick, 400, 150);
         measured.kernels = kernels::measure(effort, progress)?;
         let csv = kernels_csv(&measured.kernels);
         measured.files.push(write(folder, "kernels.csv", &csv)?);
         charts.extend(kernel_charts(&measured));
     }
     if wants(Part::Pictures) {
-        let effort = effort(options.is_quick, 40, 300);
+        let effort = effort(options.is_quick, 80, 700);
         let mut keep = Kept {
             folder: options.keep_pictures.then(|| folder.join("pictures")),
             files: Vec::new(),

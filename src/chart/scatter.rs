@@ -15,6 +15,9 @@ const BETWEEN: f64 = 78.0;
 const ROW: f64 = 15.0;
 const MARKER: f64 = 4.2;
 
+/// A name's leader line is no longer than this.
+const FAR: f64 = 32.0;
+
 /// A method.
 #[derive(Clone, Debug)]
 pub(super) struct Mark {
@@ -92,41 +95,8 @@ impl Scatter {
         let front = front(&values);
         let line = steps(&front.iter().map(|&i| points[i]).collect::<Vec<_>>());
         svg.polyline(&line, INK, 1.2, "6 3");
-        // The front chooses its places first, then the others from left to right.
-        let mut order = front.clone();
-        let mut others: Vec<usize> = (0..points.len()).filter(|i| !front.contains(i)).collect();
-        others.sort_by(|&a, &b| points[a].0.total_cmp(&points[b].0));
-        order.extend(others);
-        let text = |i: usize| {
-            let number = (i + 1).to_string();
-            if front.contains(&i) || self.marks.len() <= FEW {
-                format!("{number} {}", self.marks[i].name)
-            } else {
-                number
-            }
-        };
-        let wanted: Vec<Wanted> = order
-            .iter()
-            .map(|&i| Wanted {
-                at: points[i],
-                size: (text_width(&text(i), LABEL), LABEL + 1.0),
-            })
-            .collect();
-        let (corner, size) = (frame.corner, frame.size);
-        let area = Rect {
-            left: corner.0 + 3.0,
-            top: corner.1 - 8.0,
-            right: corner.0 + size.0 + 14.0,
-            bottom: corner.1 + size.1 - 3.0,
-        };
-        let around = Obstacles {
-            area,
-            marker: MARKER,
-            points: &points,
-            line: &line,
-        };
-        let placed = place(&wanted, around);
-        for label in placed.iter().flatten() {
+        let labels = self.labels(frame, &points, &front, &line);
+        for (_, _, label) in &labels {
             if let Some((from, to)) = label.leader {
                 svg.line(from, to, PALE, 0.7);
             }
@@ -134,20 +104,67 @@ impl Scatter {
         for (i, mark) in self.marks.iter().enumerate() {
             marker(svg, points[i], mark.group, front.contains(&i));
         }
-        for (&i, label) in order.iter().zip(&placed) {
-            // Where there is no room at all the table still has it.
-            if let Some(label) = label {
-                self.label(svg, &text(i), *label, front.contains(&i));
-            }
+        for (i, text, label) in &labels {
+            let ink = if front.contains(i) { INK } else { PALE };
+            let at = (label.text.left, label.text.bottom - 2.6);
+            svg.over(at, LABEL, ink, text);
         }
     }
 
-    fn label(&self, svg: &mut Svg, text: &str, label: Placed, is_front: bool) {
-        let at = (label.text.left, label.text.bottom - 2.6);
-        if is_front {
-            svg.text(at, LABEL, Anchor::Start, INK, text);
-        } else {
-            svg.text(at, LABEL, Anchor::Start, PALE, text);
+    /// Every point's label with its place: names on the front and where points are few, else numbers. A name that would have to
+    /// stand far from its point gives way to the number. Where there is no room at all the table still has it.
+    fn labels(
+        &self,
+        frame: &Frame,
+        points: &[(f64, f64)],
+        front: &[usize],
+        line: &[(f64, f64)],
+    ) -> Vec<(usize, String, Placed)> {
+        let (corner, size) = (frame.corner, frame.size);
+        let around = Obstacles {
+            area: Rect {
+                left: corner.0 + 3.0,
+                top: corner.1 - 8.0,
+                right: corner.0 + size.0 + 14.0,
+                bottom: corner.1 + size.1 - 3.0,
+            },
+            marker: MARKER,
+            points,
+            line,
+        };
+        // The front chooses its places first, then the others from left to right.
+        let mut order = front.to_vec();
+        let mut others: Vec<usize> = (0..points.len()).filter(|i| !front.contains(i)).collect();
+        others.sort_by(|&a, &b| points[a].0.total_cmp(&points[b].0));
+        order.extend(others);
+        let is_named = |i: &usize| front.contains(i) || self.marks.len() <= FEW;
+        let mut named: Vec<usize> = order.iter().copied().filter(is_named).collect();
+        loop {
+            let text = |i: usize| {
+                if named.contains(&i) {
+                    format!("{} {}", i + 1, self.marks[i].name)
+                } else {
+                    (i + 1).to_string()
+                }
+            };
+            let wanted: Vec<Wanted> = order
+                .iter()
+                .map(|&i| Wanted {
+                    at: points[i],
+                    size: (text_width(&text(i), LABEL), LABEL + 1.0),
+                })
+                .collect();
+            let placed = place(&wanted, around);
+            let is_far = |label: &Option<Placed>| label.is_none_or(|l| l.reach() > FAR);
+            let far = order.iter().zip(&placed).rev();
+            let far = far.filter(|(i, label)| named.contains(i) && is_far(label));
+            let Some((&worst, _)) = far.into_iter().next() else {
+                let labels = order.iter().zip(placed);
+                return labels
+                    .filter_map(|(&i, label)| Some((i, text(i), label?)))
+                    .collect();
+            };
+            named.retain(|&i| i != worst);
         }
     }
 
@@ -162,7 +179,7 @@ impl Scatter {
             LABEL,
             Anchor::Start,
             PALE,
-            "dashed: nothing is faster and nearer",
+            "dashed: the Pareto front, its points filled",
         );
         y += ROW;
         for (group, name) in self.groups.iter().enumerate() {

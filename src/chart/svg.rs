@@ -109,6 +109,14 @@ impl Svg {
         );
     }
 
+    /// The same from its left end, on a white rim that keeps it legible over lines.
+    pub(super) fn over(&mut self, at: (f64, f64), size: f64, ink: &str, text: &str) {
+        let rim =
+            r#"stroke="white" stroke-width="2.5" stroke-linejoin="round" paint-order="stroke""#;
+        let style = format!(r#"font-size="{}" {rim}"#, short(size));
+        self.styled(at, &style, Anchor::Start, ink, text);
+    }
+
     /// One line of heavy text on its baseline.
     pub(super) fn bold(
         &mut self,
