@@ -216,6 +216,12 @@ fn methods(is_far: bool) -> Result<Vec<Method>> {
     Ok(all)
 }
 
+/// A picture, and the milliseconds of each time it was drawn.
+type Drawn = (Picture, Vec<f64>);
+
+/// Visits to each way to draw: whatever else the machine does for a while then hits all of them alike.
+const VISITS: usize = 3;
+
 /// A subject with its map and its reference.
 struct Studio {
     stage: Stage,
@@ -260,14 +266,14 @@ impl Studio {
         })
     }
 
-    /// Draws with a map until the effort is spent: the picture, and least and median milliseconds.
+    /// Draws with a map until the effort is spent: the picture, and the milliseconds of each round.
     fn draw(
         &self,
         map: &AnisoMap,
         method: &Method,
         effort: Effort,
         progress: &Progress<'_>,
-    ) -> Result<(Picture, f64, f64)> {
+    ) -> Result<Drawn> {
         let off = Timings::off();
         let subject = Subject {
             mesh: &self.mesh,
@@ -296,18 +302,12 @@ impl Studio {
             times.push(draw()?);
             progress.check()?;
         }
-        times.sort_by(f64::total_cmp);
         let [picture] = pictures;
-        Ok((picture, times[0], times[times.len() / 2]))
+        Ok((picture, times))
     }
 
     /// The picture of a method, with its times.
-    fn picture(
-        &self,
-        method: &Method,
-        effort: Effort,
-        progress: &Progress<'_>,
-    ) -> Result<(Picture, f64, f64)> {
+    fn picture(&self, method: &Method, effort: Effort, progress: &Progress<'_>) -> Result<Drawn> {
         match method.map {
             MapUse::Plain => self.draw(&self.map, method, effort, progress),
             MapUse::Stored(storage) => {
@@ -318,12 +318,7 @@ impl Studio {
     }
 
     /// With the map averaged down to about one texel a sample, as a mip level is chosen; the same for the whole picture.
-    fn averaged(
-        &self,
-        method: &Method,
-        effort: Effort,
-        progress: &Progress<'_>,
-    ) -> Result<(Picture, f64, f64)> {
+    fn averaged(&self, method: &Method, effort: Effort, progress: &Progress<'_>) -> Result<Drawn> {
         let halvings = (0.5 * self.footprint.log2() - f64::from(method.samples).log2()).round();
         let mut level = None;
         for _ in 0..halvings.clamp(0.0, 15.0) as u32 {
@@ -406,62 +401,97 @@ pub(super) fn measure(
     progress: &Progress<'_>,
 ) -> Result<Vec<PictureRow>> {
     let mut rows = Vec::new();
+    let later_visits = if is_quick { 0 } else { VISITS - 1 };
     for stage in stages(is_quick) {
         let methods = methods(stage.is_far)?;
-        progress.expect(methods.len() as u64);
+        progress.expect((methods.len() * (1 + later_visits)) as u64);
         let studio = Studio::new(stage, progress)?;
-        let kept = keep.picture(
-            &format!("{} reference", studio.stage.name),
-            &studio.reference,
-        )?;
-        let shown = kept.is_some().then(|| as_displayed(&studio.reference));
-        let mut base: Option<Picture> = None;
-        for method in methods {
-            let (picture, ms_min, ms_median) = studio.picture(&method, effort, progress)?;
-            let flip = Flip::new(&studio.reference, &picture, PIXELS_PER_DEGREE)?;
-            let colour = ColourDifference::new(&studio.reference, &picture)?;
-            let base = base.get_or_insert_with(|| picture.clone());
-            let name = format!("{} {}", studio.stage.name, method.name);
-            let png = keep.picture(&name, &picture)?;
-            let mut png_flip_mean = None;
-            if let Some(reference) = &shown {
-                let flip = Flip::new(reference, &as_displayed(&picture), PIXELS_PER_DEGREE)?;
-                png_flip_mean = Some(flip.mean());
-                keep.difference(&name, &flip)?;
+        let first = rows.len();
+        let mut times = measure_stage(&studio, &methods, effort, keep, &mut rows, progress)?;
+        for _ in 0..later_visits {
+            for (method, times) in methods.iter().zip(&mut times) {
+                times.extend(studio.picture(method, effort, progress)?.1);
+                progress.step()?;
             }
-            let storage = match method.map {
-                MapUse::Stored(storage) => storage,
-                MapUse::Plain | MapUse::Averaged => Storage::FULL,
-            };
-            rows.push(PictureRow {
-                scene: studio.stage.name,
-                group: method.group,
-                method: method.name,
-                look: method.look.to_string(),
-                storage: storage.to_string(),
-                bytes: if method.look.mean {
-                    0
-                } else {
-                    storage.bytes_per_texel()
-                },
-                samples: method.samples * method.samples,
-                ms_min,
-                ms_median,
-                flip_mean: flip.mean(),
-                flip_p999: flip.quantile(0.999),
-                flip_max: flip.largest(),
-                de_mean: colour.mean(),
-                de_p999: colour.quantile(0.999),
-                de_max: colour.largest(),
-                flip_base: Flip::new(base, &picture, PIXELS_PER_DEGREE)?.mean(),
-                de_base: ColourDifference::new(base, &picture)?.mean(),
-                png,
-                png_flip_mean,
-            });
-            progress.step()?;
+        }
+        for (row, mut times) in rows[first..].iter_mut().zip(times) {
+            times.sort_by(f64::total_cmp);
+            row.ms_min = times[0];
+            row.ms_median = times[times.len() / 2];
         }
     }
     Ok(rows)
+}
+
+/// The first visit to every way to draw a subject: adds rows with all but their times, which it returns.
+fn measure_stage(
+    studio: &Studio,
+    methods: &[Method],
+    effort: Effort,
+    keep: &mut dyn Keep,
+    rows: &mut Vec<PictureRow>,
+    progress: &Progress<'_>,
+) -> Result<Vec<Vec<f64>>> {
+    let name = |method: &str| format!("{} {method}", studio.stage.name);
+    let kept = keep.picture(&name("reference"), &studio.reference)?;
+    let shown = kept.is_some().then(|| as_displayed(&studio.reference));
+    let mut base: Option<Picture> = None;
+    let mut all_times = Vec::new();
+    for method in methods {
+        let (picture, times) = studio.picture(method, effort, progress)?;
+        all_times.push(times);
+        let mut row = studio.row(
+            method,
+            base.get_or_insert_with(|| picture.clone()),
+            &picture,
+        )?;
+        row.png = keep.picture(&name(&method.name), &picture)?;
+        if let Some(reference) = &shown {
+            let flip = Flip::new(reference, &as_displayed(&picture), PIXELS_PER_DEGREE)?;
+            row.png_flip_mean = Some(flip.mean());
+            keep.difference(&name(&method.name), &flip)?;
+        }
+        rows.push(row);
+        progress.step()?;
+    }
+    Ok(all_times)
+}
+
+impl Studio {
+    /// All about a picture but its times and its file.
+    fn row(&self, method: &Method, base: &Picture, picture: &Picture) -> Result<PictureRow> {
+        let flip = Flip::new(&self.reference, picture, PIXELS_PER_DEGREE)?;
+        let colour = ColourDifference::new(&self.reference, picture)?;
+        let storage = match method.map {
+            MapUse::Stored(storage) => storage,
+            MapUse::Plain | MapUse::Averaged => Storage::FULL,
+        };
+        Ok(PictureRow {
+            scene: self.stage.name,
+            group: method.group,
+            method: method.name.clone(),
+            look: method.look.to_string(),
+            storage: storage.to_string(),
+            bytes: if method.look.mean {
+                0
+            } else {
+                storage.bytes_per_texel()
+            },
+            samples: method.samples * method.samples,
+            ms_min: 0.0,
+            ms_median: 0.0,
+            flip_mean: flip.mean(),
+            flip_p999: flip.quantile(0.999),
+            flip_max: flip.largest(),
+            de_mean: colour.mean(),
+            de_p999: colour.quantile(0.999),
+            de_max: colour.largest(),
+            flip_base: Flip::new(base, picture, PIXELS_PER_DEGREE)?.mean(),
+            de_base: ColourDifference::new(base, picture)?.mean(),
+            png: None,
+            png_flip_mean: None,
+        })
+    }
 }
 
 /// What an 8-bit file of the picture holds, as light.

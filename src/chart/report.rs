@@ -97,7 +97,7 @@ pub fn measure(folder: &Path, options: &Options, progress: &Progress<'_>) -> Res
         charts.extend(kernel_charts(&measured));
     }
     if wants(Part::Pictures) {
-        let effort = effort(options.is_quick, 80, 700);
+        let effort = effort(options.is_quick, 60, 250);
         let mut keep = Kept {
             folder: options.keep_pictures.then(|| folder.join("pictures")),
             files: Vec::new(),
