@@ -178,6 +178,7 @@ fn formats_md_names_every_target_and_every_key_of_a_full_recipe() {
 fn the_documents_name_only_files_that_exist() {
     for document in [
         "README.md",
+        "docs/accuracy.md",
         "docs/architecture.md",
         "docs/formats.md",
         "docs/limits.md",
