@@ -1,6 +1,6 @@
 //! The least that looks the same: no map, a strip, a smaller map, fewer numbers, fewer bits, a cheaper model.
 //!
-//! Each kind of saving is first tried alone on the full map, the hopeless ones judged by a closed form ([`predict`]). What passes
+//! Each kind of saving is first tried alone on the full map, the hopeless ones judged by a closed form (`predict`). What passes
 //! alone is then combined, from the fewest bytes upward, and each combination is drawn in every one of the user's scenes, since
 //! errors add up. The first that passes is drawn once more by the reference (f64, many samples a pixel) beside the full map's
 //! reference; only if it is within the tolerance there too it is taken, or else the search goes on. The full map in floats is always
