@@ -618,25 +618,24 @@ fn resolve_all<S: Simd>(
     let mut surfaces = Surfaces::new();
     let mut next = 0;
     for (y, line) in tile.seen.chunks(STRIDE).enumerate() {
-        let line = &line[..tile.rect.width as usize];
+        let width = tile.rect.width as usize;
         let row = tile.rect.y as i32 + y as i32;
-        let mut x = 0;
-        while x < line.len() {
-            let triangle = line[x];
-            let start = x;
-            while x < line.len() && line[x] == triangle {
-                x += 1;
-            }
+        let line_start = next;
+        let mut starts = run_starts(&line[..width]);
+        while starts != 0 {
+            let start = starts.trailing_zeros() as usize;
+            starts &= starts - 1;
+            let end = (starts.trailing_zeros() as usize).min(width);
+            let triangle = line[start];
             if triangle == NOTHING {
                 continue;
             }
-            join(spans, start, y, x - start);
+            join(spans, start, y, end - start);
             let surface = surfaces.get(triangle, || Surface::new(geometry, corners, triangle));
-            let run = next..next + (x - start);
+            let run = next..next + (end - start);
             next = run.end;
             let first = (tile.rect.x as i32 + start as i32, row);
             for block in run.clone().step_by(WIDE) {
-                splat(&mut out.row, block, row as f32);
                 splat(&mut out.facing, block, surface.facing);
                 splat(&mut out.hand, block, surface.hand);
             }
@@ -653,8 +652,29 @@ fn resolve_all<S: Simd>(
                 }
             }
         }
+        out.row[line_start..next].fill(row as f32);
     }
     next
+}
+
+/// The columns of a row of a tile where another triangle begins than in the column before, a bit each. Found all at once: a
+/// branch for each sample would be foretold wrongly at the end of every run.
+#[inline(always)]
+fn run_starts(line: &[u32]) -> u64 {
+    let mut other = [0u8; TILE as usize];
+    let (before, at) = (&line[..line.len() - 1], &line[1..]);
+    for ((other, a), b) in other[1..].iter_mut().zip(before).zip(at) {
+        *other = u8::from(a != b);
+    }
+    let bits = |eight: &[u8]| {
+        let eight = <[u8; 8]>::try_from(eight).expect("eight bytes");
+        // Gathers the lowest bit of each byte in the highest byte.
+        u64::from_le_bytes(eight).wrapping_mul(0x0102_0408_1020_4080) >> 56
+    };
+    other
+        .chunks_exact(8)
+        .enumerate()
+        .fold(1, |starts, (i, eight)| starts | bits(eight) << (8 * i))
 }
 
 /// Adds a run to the spans: to the last one where that ends beside it.
