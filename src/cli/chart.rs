@@ -1,6 +1,7 @@
 //! `anisomap chart`
 
 use super::args::ChartArgs;
+use super::generate::make_folder;
 use super::{Outcome, Result, console, stability};
 use anisomap::Error;
 use anisomap::chart::{self, Measured, Options};
@@ -19,7 +20,7 @@ pub(super) fn run(args: ChartArgs) -> Result {
             "allowed: where pictures are measured",
         ));
     }
-    std::fs::create_dir_all(&args.output).map_err(Error::write(&args.output))?;
+    make_folder(&args.output)?;
     let options = Options {
         command: command(&args),
         parts: args.only,

@@ -28,6 +28,13 @@ pub(super) fn run(args: PreviewArgs) -> Result {
             "allowed: with two, as in --model ward,ggx --difference",
         ));
     }
+    if args.timings && args.quality == QualityWord::Reference {
+        return Err(Error::invalid(
+            "--timings",
+            "given with --quality reference",
+            "allowed: with the other qualities; a reference has no stages to time",
+        ));
+    }
     // The small things first: a wrong word should not cost the time of a map.
     let is_png = args
         .output
@@ -87,6 +94,9 @@ pub(super) fn run(args: PreviewArgs) -> Result {
     } else {
         (shown.sheet(&looks, size)?, None)
     };
+    if args.timings {
+        timings.time(Stage::Tone, || drop(picture.to_srgb8()));
+    }
     let written = write_picture(&args.output, &picture)?;
     if args.json {
         console::print_json(&json!({

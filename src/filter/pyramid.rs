@@ -117,17 +117,22 @@ impl<'a> Pyramid<'a> {
     }
 
     /// Changes texels of a rectangle of the map and of the levels above it: afterwards all is as if it were made anew from
-    /// the changed map. A map that was borrowed is copied first.
+    /// the changed map, provided that `change` writes inside the rectangle only. A map that was borrowed is copied first.
     ///
     /// # Panics
-    /// When the rectangle reaches outside the map.
+    /// When the rectangle reaches outside the map, or the map afterwards has another size or wrap.
     pub fn change(&mut self, rect: Rect, change: impl FnOnce(&mut AnisoMap)) {
         let mut size = self.base.size();
         assert!(
             size.rect().intersection(rect) == Some(rect),
             "a rectangle inside the map"
         );
+        let wrap = self.base.wrap();
         change(self.base.to_mut());
+        assert!(
+            self.base.size() == size && self.base.wrap() == wrap,
+            "a map of the same size and wrap"
+        );
         self.lay_side_by_side(rect);
         let mut rect = rect;
         for i in 0..self.levels.len() {

@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::map::{AnisoMap, Rect, Size};
 use crate::math;
 use crate::progress::Progress;
-use crate::raster::{Bins, Corners, Cull, Fragments, Tile, View};
+use crate::raster::{Corners, Cull, Fragments, Plan, Tile, View};
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::Vec2;
@@ -68,9 +68,6 @@ struct Shown {
 
 impl Frame {
     /// A black picture.
-    ///
-    /// # Errors
-    /// Never for a checked size; see [`Frame::draw`] for what a scene asks of it.
     pub fn new(size: Size) -> Self {
         Self {
             picture: Picture::new(size, [0.0; 3]),
@@ -218,13 +215,14 @@ impl Job<'_> {
         let window = view.size().rect();
         let geometry = &subject.geometry;
         let corners = timings.time(Stage::Vertex, || Corners::new(geometry, &view));
-        let bins = timings.time(Stage::Bin, || {
-            Bins::new(geometry, &corners, window, cull(scene))
-        });
         let mut tiles = Tile::of(window);
         for (tile, old) in tiles.iter_mut().zip(old) {
             tile.take_memory(old);
         }
+        let plan = timings.time(Stage::Bin, || {
+            let window = (window, &mut tiles[..]);
+            Plan::new(geometry, &corners, window, cull(scene), progress)
+        })?;
         let shader = subject.shader(scene, picture.size(), look);
         let changes = scene.quality.needs_changes();
         progress.expect(tiles.len() as u64);
@@ -235,7 +233,7 @@ impl Job<'_> {
             pictures,
             scene.samples,
             |i, tile, desk, lines| {
-                timings.time(Stage::Raster, || bins.draw(i, tile, &mut desk.depths));
+                timings.time(Stage::Raster, || plan.draw(i, tile, &mut desk.depths));
                 timings.time(Stage::Resolve, || {
                     tile.resolve(geometry, &corners, changes, &mut desk.fragments);
                 });
@@ -274,17 +272,17 @@ impl Job<'_> {
         rects: &[Rect],
         picture: &mut Picture,
     ) -> Result<usize> {
-        if kept.reaches.is_none() {
+        let (map, mips) = (self.subject.map(), self.scene.quality.mips);
+        if kept.reaches.as_ref().is_none_or(|r| r.mips != mips) {
             kept.reaches = Some(self.reaches(kept)?);
         }
-        let (map, mips) = (self.subject.map(), self.scene.quality.mips);
         let changed: Vec<[(f32, f32); 2]> = rects.iter().map(|r| sides(*r, map.size())).collect();
         let mut cells = Cells::default();
         for [across, down] in &changed {
             cells.add(*across, *down);
         }
         let reaches = kept.reaches.as_ref().expect("just made");
-        let touched: Vec<bool> = reaches.0.iter().map(|r| r.meets(&cells)).collect();
+        let touched: Vec<bool> = reaches.tiles.iter().map(|r| r.meets(&cells)).collect();
         let samples = kept.samples;
         let shader = self.subject.shader(self.scene, picture.size(), self.look);
         self.each_kept(
@@ -359,12 +357,19 @@ impl Job<'_> {
                 Cells::seen(subject.map(), fragments, scene.quality.mips)
             }))
         });
-        Ok(Reaches(cells.collect::<Result<_>>()?))
+        Ok(Reaches {
+            tiles: cells.collect::<Result<_>>()?,
+            mips: scene.quality.mips,
+        })
     }
 }
 
 /// What parts of the map each tile sees.
-struct Reaches(Vec<Cells>);
+struct Reaches {
+    tiles: Vec<Cells>,
+    /// Whether footprints are averaged: then fetches reach farther.
+    mips: bool,
+}
 
 /// Cells along a side of the map.
 const CELLS: usize = 64;
@@ -445,13 +450,14 @@ impl Place {
             PLAIN_REACH
         };
         let repeats = [map.wrap().repeats_u(), map.wrap().repeats_v()];
-        let middle = [uv.x, 1.0 - uv.y];
-        // Past the edge the last texels go on for ever.
+        // As fetches take it: whole turns go first, and what is not finite is 0.
         let held = |k: usize| {
+            let t = [uv.x, 1.0 - uv.y][k];
+            let t = if t.abs() < f32::INFINITY { t } else { 0.0 };
             if repeats[k] {
-                middle[k]
+                t - t.floor()
             } else {
-                middle[k].clamp(0.0, 1.0)
+                t.clamp(0.0, 1.0)
             }
         };
         Self {

@@ -7,12 +7,12 @@ use crate::filter::Pyramid;
 use crate::map::{AnisoMap, Rect, Size};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
-use crate::raster::{Bins, Corners, Cull, Geometry, TILE, Tile, View};
+use crate::raster::{Corners, Cull, Geometry, Plan, TILE, Tile, View};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Mutex;
 
-/// Samples that are drawn at a time: bounds the memory of the bins.
+/// Samples that are drawn at a time: bounds the memory of tiles that are drawn before they are lit.
 pub(super) const BAND_SAMPLES: u64 = 1 << 24;
 /// Changes of the map that are remembered; who has missed more looks at all of it again.
 const CHANGES_MAX: usize = 64;
@@ -73,10 +73,11 @@ impl<'a> Prepared<'a> {
         Ok(())
     }
 
-    /// Changes texels of a rectangle of the map. A [`Frame`](super::Frame) that is drawn next lights anew only what shows them.
+    /// Changes texels of a rectangle of the map, and none outside it. A [`Frame`](super::Frame) that is drawn next lights anew only
+    /// what shows them.
     ///
     /// # Panics
-    /// When the rectangle reaches outside the map.
+    /// When the rectangle reaches outside the map, or the map afterwards has another size or wrap.
     pub fn change_map(&mut self, rect: Rect, change: impl FnOnce(&mut AnisoMap)) {
         self.pyramid.change(rect, change);
         self.revision += 1;
@@ -149,27 +150,31 @@ impl<'a> Prepared<'a> {
         let tiles = |band: &Rect| Tile::of(*band).len() as u64;
         progress.expect(bands.iter().map(tiles).sum());
         for band in bands {
-            let bins = timings.time(Stage::Bin, || {
-                Bins::new(&self.geometry, &corners, band, cull(scene))
-            });
             let mut tiles = Tile::of(band);
+            let plan = timings.time(Stage::Bin, || {
+                let window = (band, &mut tiles[..]);
+                Plan::new(&self.geometry, &corners, window, cull(scene), progress)
+            })?;
             self.each_tile(
                 band,
                 &mut tiles,
                 pictures,
                 scene.samples,
                 |i, tile, desk, lines| {
+                    let rect = tile.rect;
                     // Nobody asks again what it saw: the thread's own tile serves.
-                    desk.tile.rect = tile.rect;
-                    timings.time(Stage::Raster, || {
-                        bins.draw(i, &mut desk.tile, &mut desk.depths);
-                    });
+                    let tile = if matches!(plan, Plan::Drawn) {
+                        tile
+                    } else {
+                        desk.tile.rect = rect;
+                        &mut desk.tile
+                    };
+                    timings.time(Stage::Raster, || plan.draw(i, tile, &mut desk.depths));
                     timings.time(Stage::Resolve, || {
-                        desk.tile
-                            .resolve(&self.geometry, &corners, changes, &mut desk.fragments);
+                        tile.resolve(&self.geometry, &corners, changes, &mut desk.fragments);
                     });
                     for (shader, lines) in shaders.iter().zip(lines) {
-                        shader.tile(tile.rect, desk, lines, timings);
+                        shader.tile(rect, desk, lines, timings);
                     }
                     progress.step()
                 },

@@ -612,6 +612,18 @@ fn a_frame_does_no_more_than_what_changed_and_is_always_the_whole_picture() {
         }
     }
     assert!((1..16).contains(&fewest), "{fewest} of 20 tiles");
+    // Fetches reach farther with footprints averaged than without.
+    for mips in [false, true] {
+        studio.scene.quality.mips = mips;
+        assert_eq!(studio.check(&mut frame, &prepared, WARD), Redrawn::Light);
+        for y in [100, 300] {
+            paint(&mut prepared, dab(40 * y % 512, y, 3, 3));
+            assert!(matches!(
+                studio.check(&mut frame, &prepared, WARD),
+                Redrawn::Tiles(_)
+            ));
+        }
+    }
     // More than is remembered.
     for i in 0..65 {
         paint(&mut prepared, dab(i, i, 1, 1));

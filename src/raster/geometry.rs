@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A mesh with its attributes in the order in which they are interpolated.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Geometry<'a> {
     mesh: &'a Mesh,
     id: u64,

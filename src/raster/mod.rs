@@ -6,8 +6,8 @@
 //! out; attributes come from homogeneous edge functions (Olano and Greer 1997, "Triangle scan conversion using 2D
 //! homogeneous coordinates"), which need no clipping and give exact derivatives.
 //!
-//! The steps: [`Geometry`] once for a mesh; [`Corners`] and [`Bins`] once for a camera; then tile by tile
-//! [`Bins::draw`], whose [`Tile`] is resolved to [`Fragments`] at once, while it is in the cache, or whenever it is wanted.
+//! The steps: [`Geometry`] once for a mesh; [`Corners`] and a [`Plan`] once for a camera; then tile by tile [`Plan::draw`],
+//! whose [`Tile`] is resolved to [`Fragments`] at once, while it is in the cache, or whenever it is wanted.
 //!
 //! The same mesh, camera and size give the same bytes with any number of threads.
 
@@ -22,7 +22,7 @@ pub use camera::{Camera, Projection, Rays, View};
 pub use exact::Exact;
 pub use geometry::Geometry;
 pub use resolve::{Fragments, Lane, Lanes, Span};
-pub use visibility::{Bins, Corners, Depths};
+pub use visibility::{Bins, Corners, Depths, Plan};
 
 use crate::error::Result;
 use crate::map::Rect;
@@ -159,14 +159,14 @@ impl GBuffer {
         progress: &Progress<'_>,
     ) -> Result<Self> {
         let corners = Corners::new(geometry, view);
-        let bins = Bins::new(geometry, &corners, window, cull);
         let mut tiles = Tile::of(window);
+        let plan = Plan::new(geometry, &corners, (window, &mut tiles), cull, progress)?;
         tiles
             .par_iter_mut()
             .enumerate()
             .try_for_each_init(Depths::new, |depths, (i, tile)| {
                 progress.check()?;
-                bins.draw(i, tile, depths);
+                plan.draw(i, tile, depths);
                 Ok(())
             })?;
         Ok(Self::from_parts(window, corners, tiles))

@@ -546,3 +546,18 @@ fn attributes_in_f64_are_the_same_attributes() {
     });
     assert!(exact.next().is_none());
 }
+
+#[test]
+fn batches_of_triangles_draw_what_all_at_once_do() {
+    // More triangles than are binned at a time, in front of each other.
+    let mut mesh = torus(64, 32);
+    let once = mesh.triangles.clone();
+    while mesh.triangles.len() <= 1 << 17 {
+        mesh.triangles.extend_from_slice(&once);
+    }
+    let (view, many) = draw(&mesh, &camera(Vec3::new(0.0, 2.0, 3.0)), 160, 120);
+    mesh.triangles = once;
+    let (_, few) = draw(&mesh, &camera(Vec3::new(0.0, 2.0, 3.0)), 160, 120);
+    // Of two at one depth the first drawn stays.
+    assert!(many.tiles() == few.tiles() && view.size().texels() == 160 * 120);
+}

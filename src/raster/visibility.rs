@@ -9,12 +9,15 @@ use super::camera::{Vertex, View};
 use super::clip::{GUARD, clip};
 use super::geometry::Geometry;
 use super::{Cull, TILE, Tile};
+use crate::error::Result;
 use crate::map::Rect;
 use crate::math;
+use crate::progress::Progress;
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Fractional bits of a screen coordinate.
 const SUBPIXEL_BITS: u32 = 8;
@@ -28,6 +31,10 @@ pub(super) const NOTHING: u32 = u32::MAX;
 const RUN: usize = 1 << 11;
 /// Triangles of a block.
 const BLOCK: usize = 1 << 10;
+/// Triangles that are binned at a time, at most.
+const BATCH_MAX: usize = 1 << 17;
+/// Entries of bins, if every triangle touched every tile.
+const ENTRIES_MAX: usize = 1 << 27;
 /// Samples that are decided at once.
 const LANES: usize = 16;
 /// Samples from one row of a tile to the next: a row of lanes may begin at any of its samples.
@@ -318,7 +325,7 @@ impl Setup {
 }
 
 /// Columns or rows of tiles.
-type Span = std::ops::Range<usize>;
+type Span = Range<usize>;
 
 /// The setups of a block of triangles, and for each tile that any of them touches which ones do.
 struct Block {
@@ -422,20 +429,32 @@ impl Bins {
     /// # Panics
     /// When the window reaches outside the picture, or the corners are of other geometry.
     pub fn new(geometry: &Geometry<'_>, corners: &Corners, window: Rect, cull: Cull) -> Self {
+        let all = 0..geometry.mesh().triangles.len();
+        Self::of(geometry, corners, window, cull, all)
+    }
+
+    /// The same of some triangles only.
+    pub(super) fn of(
+        geometry: &Geometry<'_>,
+        corners: &Corners,
+        window: Rect,
+        cull: Cull,
+        some: Range<usize>,
+    ) -> Self {
         let view = &corners.view;
         assert!(
             window.intersection(view.size().rect()) == Some(window),
             "a window inside the picture"
         );
         let level = math::level();
-        let triangles = &geometry.mesh().triangles;
+        let triangles = &geometry.mesh().triangles[some.clone()];
         let blocks = triangles
             .par_chunks(BLOCK)
             .enumerate()
-            .map(|(block, some)| {
-                let first = (block * BLOCK) as u32;
-                let mut setups = Vec::with_capacity(some.len());
-                dispatch!(level, simd => set_up_all(simd, (geometry, corners), (some, first), cull, &mut setups));
+            .map(|(block, triangles)| {
+                let first = (some.start + block * BLOCK) as u32;
+                let mut setups = Vec::with_capacity(triangles.len());
+                dispatch!(level, simd => set_up_all(simd, (geometry, corners), (triangles, first), cull, &mut setups));
                 Block::new(setups, window)
             })
             .collect();
@@ -445,27 +464,91 @@ impl Bins {
         }
     }
 
+    /// Whether any triangle comes near tile number `i`.
+    fn touch(&self, i: usize) -> bool {
+        let place = (i % self.across, i / self.across);
+        let mut blocks = self.blocks.iter();
+        blocks.any(|b| !b.tile(place.0, place.1).is_empty())
+    }
+
     /// Draws tile number `i` of the window, in place of what it saw.
     pub fn draw(&self, i: usize, tile: &mut Tile, depths: &mut Depths) {
+        tile.seen.clear();
+        self.draw_over(i, tile, depths);
+    }
+
+    /// Draws tile number `i` of the window over what it sees, whose depths these are.
+    fn draw_over(&self, i: usize, tile: &mut Tile, depths: &mut Depths) {
         let level = math::level();
         let place = (i % self.across, i / self.across);
         let samples = STRIDE * tile.rect.height as usize;
-        let mut begun = false;
         for block in &self.blocks {
             let order = block.tile(place.0, place.1);
             if order.is_empty() {
                 continue;
             }
-            if !begun {
-                begun = true;
-                tile.seen.clear();
+            if tile.seen.is_empty() {
                 tile.seen.resize(samples, NOTHING);
                 depths.0[..samples].fill(f32::NEG_INFINITY);
             }
             dispatch!(level, simd => draw_all(simd, &block.setups, order, tile, &mut depths.0));
         }
-        if !begun {
-            tile.seen.clear();
+    }
+}
+
+/// What tiles are to be drawn from.
+pub enum Plan {
+    /// These bins: each tile whenever it is wanted.
+    Bins(Bins),
+    /// Nothing: there were so many triangles that the tiles have been drawn already, some triangles after the other.
+    Drawn,
+}
+
+impl Plan {
+    /// Sorts the triangles into the tiles of a window, or draws the tiles where the bins would be too large: never more than
+    /// about 2^27 entries of two bytes at a time.
+    ///
+    /// # Errors
+    /// When `progress` cancels. One check per bins.
+    ///
+    /// # Panics
+    /// When the window reaches outside the picture, the corners are of other geometry, or the tiles are not the window's.
+    pub fn new(
+        geometry: &Geometry<'_>,
+        corners: &Corners,
+        (window, tiles): (Rect, &mut [Tile]),
+        cull: Cull,
+        progress: &Progress<'_>,
+    ) -> Result<Self> {
+        let triangles = geometry.mesh().triangles.len();
+        let batch = (ENTRIES_MAX / tiles.len().max(1)).clamp(BLOCK, BATCH_MAX);
+        if triangles <= batch {
+            return Ok(Self::Bins(Bins::new(geometry, corners, window, cull)));
+        }
+        let mut depths: Vec<Depths> = tiles.iter().map(|_| Depths(Vec::new())).collect();
+        tiles.iter_mut().for_each(|tile| tile.seen.clear());
+        for first in (0..triangles).step_by(batch) {
+            progress.check()?;
+            let some = first..(first + batch).min(triangles);
+            let bins = Bins::of(geometry, corners, window, cull, some);
+            tiles
+                .par_iter_mut()
+                .zip(&mut depths)
+                .enumerate()
+                .for_each(|(i, (tile, depths))| {
+                    if depths.0.is_empty() && bins.touch(i) {
+                        *depths = Depths::new();
+                    }
+                    bins.draw_over(i, tile, depths);
+                });
+        }
+        Ok(Self::Drawn)
+    }
+
+    /// Tile number `i` of the window, drawn into `tile`.
+    pub fn draw(&self, i: usize, tile: &mut Tile, depths: &mut Depths) {
+        if let Self::Bins(bins) = self {
+            bins.draw(i, tile, depths);
         }
     }
 }
