@@ -350,6 +350,32 @@ fn generate_reduces_on_request() {
 }
 
 #[test]
+fn a_mesh_outside_the_output_is_drawn_and_told() {
+    let desk = Desk::new();
+    fs::create_dir(desk.path("a")).expect("a folder");
+    desk.write(
+        "a/tri.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+    );
+    let recipe = FLAT.replace("[[layers]]", "mesh = 'tri.obj'\n[[layers]]");
+    desk.write("a/flat.toml", &recipe);
+    let out = desk.works("generate ./a/flat.toml -o o --reduce 0.01 --formats exr,glb,preview");
+    assert!(out.contains("--allow-outside"), "{out}");
+    let glb = fs::read(desk.path("o/flat.glb")).expect("a GLB");
+    let torus = "generate ./a/flat.toml -o t --reduce 0.01 --formats glb --mesh torus";
+    desk.works(torus);
+    let on_torus = fs::read(desk.path("t/flat.glb")).expect("a GLB");
+    assert!(glb.len() < on_torus.len(), "the triangle is not in it");
+    let out = desk.works("reduce ./a/flat.toml -o o3 --tolerance 0.01 --size 64");
+    assert!(out.contains("names a mesh outside its folder"), "{out}");
+    let preview = "preview o3/flat.reduced.toml -o p.png --size 64";
+    desk.fails(preview, &["--allow-outside"]);
+    desk.works(&format!("{preview} --allow-outside"));
+    let inside = desk.works("reduce ./a/flat.toml -o a --tolerance 0.01 --size 64");
+    assert!(!inside.contains("outside"), "{inside}");
+}
+
+#[test]
 fn the_same_files_for_any_number_of_threads() {
     let desk = Desk::new();
     let run = |threads: &str, folder: &str| {

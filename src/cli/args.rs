@@ -285,6 +285,8 @@ once more by the reference, from what the files give back.
 
 It writes NAME.reduced.toml, a recipe that stands for the reduced map and that every
 command reads, the PNG or EXR files that it names, and NAME.reduced.json, the report.
+Where the input's mesh is a file outside DIR, the recipe still names it there, and
+drawing it takes --allow-outside or another --mesh; the report says so.
 
 A scene file holds, all but the camera optional:
 

@@ -40,10 +40,11 @@ pub(super) fn run(args: GenerateArgs) -> Result {
             None,
         ),
         Some(tolerance) => {
-            let reduced = reduced(&args, tolerance)?;
-            (RecipeFile::read(&reduced.recipe)?, Some(reduced))
+            let (reduced, mesh) = reduced(&args, tolerance)?;
+            (RecipeFile::read(&reduced.recipe)?, Some((reduced, mesh)))
         }
     };
+    let (reduced, mesh) = reduced.unzip();
     let job = Job {
         stem: file.recipe().name.clone(),
         formats: formats(&args.formats, &file, &Target::DEFAULT),
@@ -57,7 +58,7 @@ pub(super) fn run(args: GenerateArgs) -> Result {
         folder: args.output,
         file,
     };
-    let made = job.make()?;
+    let made = job.make_on(mesh)?;
     if let Some(note) = input::mended_note(made.mended) {
         console::complain(&note);
     }
@@ -72,18 +73,23 @@ pub(super) fn run(args: GenerateArgs) -> Result {
     Ok(Outcome::Fine)
 }
 
-/// Writes the least that looks the same into the output's folder; the maps are then made from that.
-fn reduced(args: &GenerateArgs, tolerance: f32) -> Result<Reduced> {
+/// Writes the least that looks the same into the output's folder; the maps are then made from that, on the mesh that is given
+/// back: seen from the output's folder it may lie outside, where the reduced recipe alone must not reach.
+fn reduced(args: &GenerateArgs, tolerance: f32) -> Result<(Reduced, Mesh)> {
     let options = ReduceOptions {
         mesh: args.mesh.iter().cloned().collect(),
         ..ReduceOptions::default()
     };
-    let named = meshes(&options)?;
+    let named = meshes(&options)?.pop();
     let source = input::source(&args.recipe, &args.recipe_args, args.size)?;
+    let (word, mesh) = match named {
+        Some(named) => named,
+        None => source.mesh().map(|mesh| (mesh.name.clone(), mesh))?,
+    };
     make_folder(&args.output)?;
     let work = Work {
         recipe: recipe_in(&args.output, &source, &args.recipe)?,
-        named,
+        named: vec![(word, mesh.clone())],
         source: &source,
         tolerance,
         options: &options,
@@ -93,7 +99,7 @@ fn reduced(args: &GenerateArgs, tolerance: f32) -> Result<Reduced> {
     if fs::read_to_string(&copy).is_ok_and(|there| !there.starts_with(MARK)) {
         return Err(yours_lies_there(&args.output, &copy));
     }
-    work.reduce(&args.output)
+    Ok((work.reduce(&args.output)?, mesh))
 }
 
 /// That a recipe which somebody wrote is never written over.
@@ -187,13 +193,18 @@ struct RoundTrip {
 impl Job {
     /// Makes every file. Everything that can be refused is refused before the first is written.
     pub(super) fn make(&self) -> Result<Made> {
+        self.make_on(None)
+    }
+
+    /// The same on a mesh that is open already, in place of the one that the recipe names.
+    fn make_on(&self, open: Option<Mesh>) -> Result<Made> {
         let recipe = self.file.recipe();
         let files = self.file.files(self.allow_outside);
         let needs_mesh = [Target::Glb, Target::Gltf, Target::Preview];
-        let mesh = if self.formats.iter().any(|f| needs_mesh.contains(f)) {
-            Some(input::mesh(self.mesh.as_deref(), &self.file, &files)?)
-        } else {
-            None
+        let mesh = match open {
+            _ if !self.formats.iter().any(|f| needs_mesh.contains(f)) => None,
+            None => Some(input::mesh(self.mesh.as_deref(), &self.file, &files)?),
+            open => open,
         };
         let looks = looks(&[], Some(recipe))?;
         let size = Size::new(PICTURE.0, PICTURE.1)?;

@@ -183,6 +183,7 @@ impl Work<'_> {
                 error.max
             );
         }
+        text += &outside(&saved.recipe);
         for file in &saved.files {
             let _ = writeln!(
                 text,
@@ -192,6 +193,17 @@ impl Work<'_> {
             );
         }
         text
+    }
+}
+
+/// What a recipe asks for that names files outside its folder; nothing where it names none.
+fn outside(recipe: &Path) -> String {
+    match RecipeFile::read(recipe) {
+        Ok(file) if file.names_outside() => format!(
+            "{} names a mesh outside its folder: to draw it, commands need --allow-outside or another --mesh\n",
+            recipe.display()
+        ),
+        _ => String::new(), // it was read a moment ago
     }
 }
 
