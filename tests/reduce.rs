@@ -294,6 +294,39 @@ fn a_finished_map_is_reduced_as_well_and_where_all_is_seen_all_is_kept() {
 }
 
 #[test]
+fn files_of_the_users_own_are_never_written_over() {
+    let desk = Desk::new();
+    desk.write("flat.toml", FLAT);
+    fs::create_dir(desk.path("out")).expect("a folder");
+    let reduce = "reduce ./flat.toml -o out --tolerance 0.01 --size 64";
+    for suffix in [".json", "_widths.png", "_axis.png", ".exr"] {
+        let name = format!("flat.reduced{suffix}");
+        desk.write(&format!("out/{name}"), "mine");
+        desk.fails(reduce, &[&name, "yours"]);
+        desk.fails(
+            "generate ./flat.toml -o out --reduce 0.01 --formats exr",
+            &[&name, "yours"],
+        );
+        let there = fs::read_to_string(desk.path("out").join(&name)).expect("text");
+        assert_eq!(
+            (there.as_str(), desk.files("out")),
+            ("mine", vec![name.clone()])
+        );
+        fs::remove_file(desk.path("out").join(&name)).expect("it is there");
+    }
+    desk.works(reduce);
+    desk.works(reduce);
+    // A set that cannot be finished leaves no recipe that could be read.
+    desk.works("generate twill -o maps --size 32 --formats exr --float");
+    desk.works("reduce maps/twill.exr -o out --tolerance 0.9 --size 64");
+    fs::create_dir(desk.path("out/twill.reduced.exr")).expect("a folder");
+    let kept = "reduce maps/twill.exr -o out --tolerance 1e-7 --metric luminance --size 64";
+    let end = desk.run_with("2", kept);
+    assert_eq!(end.code, 3, "{}", end.err);
+    assert!(!desk.path("out/twill.reduced.toml").exists());
+}
+
+#[test]
 fn without_highlights_the_cheapest_model_is_taken() {
     let desk = Desk::new();
     let dull = FLAT.replace(

@@ -5,7 +5,9 @@ use super::generate::make_folder;
 use super::preview::{looks, scene};
 use super::{Outcome, Result, console, input};
 use anisomap::Error;
-use anisomap::analyse::reduce::{Reduction, Request, Saved, Setting, Shape, Verdict, least};
+use anisomap::analyse::reduce::{
+    REPORT, Reduction, Request, Saved, Setting, Shape, Verdict, check_output, least,
+};
 use anisomap::export::{beside, write_atomic};
 use anisomap::mesh::{self, Mesh};
 use anisomap::preview::Scene;
@@ -67,6 +69,8 @@ pub(super) struct Reduced {
 impl Work<'_> {
     /// Finds the least that looks the same and writes it into a folder that is there.
     pub(super) fn reduce(&self, folder: &Path) -> Result<Reduced> {
+        let stem = folder.join(&self.recipe.name);
+        check_output(&stem)?;
         let material = self.source.material();
         let settings = self.settings()?;
         let own = self.source.recipe.as_ref().map(|(file, _)| file.recipe());
@@ -83,11 +87,10 @@ impl Work<'_> {
         };
         let reduction = console::with_progress("reducing", |p| least(&request, p))?;
         console::check_cancelled()?;
-        let stem = folder.join(&self.recipe.name);
         let mut saved = reduction.write(&stem, &self.recipe, request.aspect)?;
         let mut json = reduction.to_json(&request, &saved);
         json["name"] = self.recipe.name.clone().into();
-        let path = beside(&stem, ".reduced.json");
+        let path = beside(&stem, REPORT);
         let written = write_atomic(&path, |f| writeln!(f, "{json:#}"))?;
         saved.files.push(written);
         json["files"] = serde_json::to_value(&saved.files).unwrap_or_default();

@@ -18,7 +18,10 @@ use std::path::{Path, PathBuf};
 /// The first line of a reduced recipe, by which a later run knows that it may be replaced.
 const MARK: &str = "# A reduced map, written by anisomap. Copy it before you change it.";
 
-/// How the names of the files end that may hold texels.
+/// How the names of a set's files end: the recipe, the report beside it, and those that may hold texels.
+const RECIPE: &str = ".reduced.toml";
+/// The report, which whoever calls for it writes.
+pub const REPORT: &str = ".reduced.json";
 const WIDTHS: &str = ".reduced_widths.png";
 const AXIS: &str = ".reduced_axis.png";
 const FLOATS: &str = ".reduced.exr";
@@ -45,10 +48,19 @@ impl Reduction {
     /// it names are named as from the new file's folder.
     ///
     /// # Errors
-    /// [`Error::Write`] when a file cannot be written, [`Error::Invalid`] when a recipe of somebody's own lies where it would go.
+    /// [`Error::Write`] when a file cannot be written, [`Error::Invalid`] as [`check_output`]. What was written until then is
+    /// removed, so that no half of a set can be read.
     pub fn write(&self, stem: &Path, recipe: &Recipe, aspect: f32) -> Result<Saved> {
-        let path = beside(stem, ".reduced.toml");
-        let replaces = is_own(&path)?;
+        check_output(stem)?;
+        clear(stem)?;
+        self.write_set(stem, recipe, aspect).inspect_err(|_| {
+            // The first error is the one to tell.
+            let _ = clear(stem);
+        })
+    }
+
+    fn write_set(&self, stem: &Path, recipe: &Recipe, aspect: f32) -> Result<Saved> {
+        let path = beside(stem, RECIPE);
         let (source, maps) = self.kept.write(stem, recipe)?;
         let map_bytes = maps.iter().map(|f| f.bytes).sum();
         let reduced = Recipe {
@@ -66,9 +78,6 @@ impl Reduction {
             f.write_all(format!("{MARK}\n{}\n{text}", self.told()).as_bytes())
         })?;
         self.verify(&path)?;
-        if replaces {
-            clear_old(stem, &maps)?;
-        }
         Ok(Saved {
             recipe: path,
             files: [vec![written], maps].concat(),
@@ -115,31 +124,40 @@ impl Reduction {
     }
 }
 
-/// Whether an earlier reduced recipe lies there; one that somebody wrote is never written over.
-fn is_own(path: &Path) -> Result<bool> {
-    let there = match std::fs::read(path) {
-        Ok(there) => there,
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(false),
-        Err(e) => return Err(Error::write(path)(e)),
-    };
-    if there.starts_with(MARK.as_bytes()) {
-        return Ok(true);
+/// Whether a reduced map may be written as `STEM.reduced.toml` and what goes with it: where no file of these names lies, or a
+/// recipe among them that an earlier reduction wrote.
+///
+/// # Errors
+/// [`Error::Invalid`] when a file of somebody's own lies there, [`Error::Write`] when that cannot be told.
+pub fn check_output(stem: &Path) -> Result<()> {
+    let path = beside(stem, RECIPE);
+    match std::fs::read(&path) {
+        Ok(there) if there.starts_with(MARK.as_bytes()) => return Ok(()),
+        Ok(_) => return Err(yours(&path)),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => {}
+        Err(e) => return Err(Error::write(&path)(e)),
     }
-    Err(Error::invalid(
+    let others = [REPORT, WIDTHS, AXIS, FLOATS].map(|suffix| beside(stem, suffix));
+    match others.iter().find(|path| path.symlink_metadata().is_ok()) {
+        Some(path) => Err(yours(path)),
+        None => Ok(()),
+    }
+}
+
+/// That a file which no reduced recipe stands beside is never written over.
+fn yours(path: &Path) -> Error {
+    Error::invalid(
         "the output",
         path.display(),
         "allowed: a folder without a file of yours by that name",
     )
-    .with_hint("Name another folder"))
+    .with_hint("Name another folder, or move the file away")
 }
 
-/// What an earlier reduction left and this one does not name would pass for a part of it.
-fn clear_old(stem: &Path, written: &[Written]) -> Result<()> {
-    for suffix in [WIDTHS, AXIS, FLOATS] {
+/// Removes a set, its recipe first: what is left halfway stands for nothing.
+fn clear(stem: &Path) -> Result<()> {
+    for suffix in [RECIPE, WIDTHS, AXIS, FLOATS, REPORT] {
         let path = beside(stem, suffix);
-        if written.iter().any(|w| w.path == path) {
-            continue;
-        }
         match std::fs::remove_file(&path) {
             Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(Error::write(&path)(e)),
             _ => {}

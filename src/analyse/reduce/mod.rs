@@ -12,7 +12,7 @@ mod measure;
 mod predict;
 mod report;
 
-pub use files::Saved;
+pub use files::{REPORT, Saved, check_output};
 pub use form::{Axes, Form, Shape, Widths};
 pub use measure::PictureError;
 
