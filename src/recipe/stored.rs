@@ -15,6 +15,12 @@ use crate::math::Axis;
 use crate::pattern::{Fill, Patch, Surface};
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Texels that a stored file may have whatever the map's size: 256 MiB as a map.
+const TEXELS_ALWAYS: u64 = 1 << 24;
+/// Texels that it may have for each of its bytes: more than surfaces pack to, far fewer than the 1032 of an empty picture.
+const TEXELS_A_BYTE: u64 = 64;
 
 /// Widths and axis, each from a PNG or the same everywhere.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -153,6 +159,9 @@ impl Stored {
             );
             return Err(Error::file(path, problem));
         }
+        for (picture, path) in widths.iter().chain(&axis) {
+            self.check_size(picture.size, path, surface.size)?;
+        }
         let (widths, axis) = (widths.map(|w| w.0), axis.map(|a| a.0));
         let map = |wrap| self.map(widths.as_ref(), axis.as_ref(), wrap);
         let (map, laid) = match &self.radial {
@@ -164,6 +173,29 @@ impl Stored {
             laid,
             size: surface.size,
         })
+    }
+
+    /// Whether a file of this size serves a map of that one: a table has one row, and a small file must not take much memory.
+    fn check_size(&self, size: Size, path: &Path, map: Size) -> Result<()> {
+        if self.radial.is_some() && size.height() != 1 {
+            let problem = format!("it is {size}, but with `radial` a file is a table of one row");
+            return Err(Error::file(path, problem)
+                .with_hint("Name a file of height 1, or leave out `radial`"));
+        }
+        let bytes = path.metadata().map_err(Error::read(path))?.len();
+        let texels = |n: usize| n as u64;
+        let most = [
+            TEXELS_ALWAYS,
+            4 * texels(map.texels()),
+            TEXELS_A_BYTE * bytes,
+        ];
+        if most.iter().any(|most| texels(size.texels()) <= *most) {
+            return Ok(());
+        }
+        let problem = format!(
+            "it is {size} in {bytes} bytes, far larger than the map of {map}; allowed: 4096x4096 texels, 4 times the map's, or {TEXELS_A_BYTE} for each byte of the file"
+        );
+        Err(Error::file(path, problem).with_hint("Make the file smaller or the map larger"))
     }
 
     /// The numbers of the files, or the same ones everywhere, as a map of the files' size.
@@ -305,6 +337,43 @@ mod tests {
             wrap: Wrap::Clamp,
             seed: 0,
         }
+    }
+
+    #[test]
+    fn a_file_has_a_size_that_serves_the_map() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = Files {
+            folder: Some(folder.path().to_owned()),
+            allow_outside: false,
+        };
+        let save = |width: u32, height: u32| {
+            let zeros = vec![0; width as usize * height as usize];
+            let path = folder.path().join("w.png");
+            image::save_buffer(path, &zeros, width, height, ColorType::L8).unwrap();
+        };
+        let prepare = |radial: bool, side: u32| {
+            let stored = Stored {
+                widths: Some("w.png".to_owned()),
+                radial: radial.then_some(Radius {
+                    center: [0.5; 2],
+                    reach: 1.0,
+                }),
+                ..Stored::default()
+            };
+            let size = Size::new(side, side).unwrap();
+            let table = stored.prepare("at", &surface(size), &files);
+            table.map(|_| ()).map_err(|e| e.to_string())
+        };
+        save(32768, 1);
+        assert_eq!(prepare(true, 4), Ok(()));
+        save(64, 64);
+        assert_eq!(prepare(false, 4), Ok(()));
+        let e = prepare(true, 4).unwrap_err();
+        assert!(e.contains("w.png") && e.contains("64x64") && e.contains("one row"));
+        save(8192, 4096);
+        let e = prepare(false, 4).unwrap_err();
+        assert!(e.contains("w.png") && e.contains("8192x4096") && e.contains("4096x4096"));
+        assert_eq!(prepare(false, 2900), Ok(()));
     }
 
     #[test]
