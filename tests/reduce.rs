@@ -368,6 +368,15 @@ fn generate_reduces_on_request() {
         desk.json("generate ./flat.toml -o full --size 8 --formats exr")["reduced"],
         Value::Null
     );
+    // What is known of the input is told of what becomes of it.
+    let newer = format!(
+        "{}colour = 1\n",
+        FLAT.replace("version = 1", "version = 99\nseed = 7")
+    );
+    desk.write("newer.toml", &newer);
+    let json = desk.json("generate ./newer.toml -o newer --reduce 0.01 --formats exr");
+    assert_eq!(json["seed"], 7);
+    assert_eq!(json["ignored"].as_array().map(Vec::len), Some(1), "{json}");
     desk.fails(
         "generate ./flat.toml -o out --reduce 0",
         &["--reduce", "over 0"],

@@ -40,11 +40,10 @@ pub(super) fn run(args: GenerateArgs) -> Result {
             None,
         ),
         Some(tolerance) => {
-            let (reduced, mesh) = reduced(&args, tolerance)?;
-            (RecipeFile::read(&reduced.recipe)?, Some((reduced, mesh)))
+            let done = reduced(&args, tolerance)?;
+            (RecipeFile::read(&done.reduced.recipe)?, Some(done))
         }
     };
-    let (reduced, mesh) = reduced.unzip();
     let job = Job {
         stem: file.recipe().name.clone(),
         formats: formats(&args.formats, &file, &Target::DEFAULT),
@@ -58,24 +57,41 @@ pub(super) fn run(args: GenerateArgs) -> Result {
         folder: args.output,
         file,
     };
-    let made = job.make_on(mesh)?;
+    let mesh = reduced.as_ref().map(|done| done.mesh.clone());
+    let mut made = job.make_on(mesh)?;
+    if let Some(done) = &reduced {
+        made.mended = made.mended.plus(done.mended);
+    }
     if let Some(note) = input::mended_note(made.mended) {
         console::complain(&note);
     }
     if args.json {
         let mut json = made.to_json(&job);
-        json["reduced"] = reduced.map_or(serde_json::Value::Null, |r| r.json);
+        json["reduced"] = serde_json::Value::Null;
+        if let Some(done) = reduced {
+            json["ignored"] = done.ignored.into();
+            json["reduced"] = done.reduced.json;
+        }
         console::print_json(&json)?;
     } else {
-        let reduced = reduced.map_or(String::new(), |r| format!("{}\n", r.text));
+        let reduced = reduced.map_or(String::new(), |done| format!("{}\n", done.reduced.text));
         console::print(&(reduced + &made.report(&job)))?;
     }
     Ok(Outcome::Fine)
 }
 
-/// Writes the least that looks the same into the output's folder; the maps are then made from that, on the mesh that is given
-/// back: seen from the output's folder it may lie outside, where the reduced recipe alone must not reach.
-fn reduced(args: &GenerateArgs, tolerance: f32) -> Result<(Reduced, Mesh)> {
+/// A reduction, and what is known of its input that the reduced recipe does not say.
+struct Done {
+    reduced: Reduced,
+    /// The mesh, open: seen from the output's folder it may lie outside, where the reduced recipe alone must not reach.
+    mesh: Mesh,
+    mended: Mended,
+    /// Keys of a newer version.
+    ignored: Vec<String>,
+}
+
+/// Writes the least that looks the same into the output's folder; the maps are then made from that.
+fn reduced(args: &GenerateArgs, tolerance: f32) -> Result<Done> {
     let options = ReduceOptions {
         mesh: args.mesh.iter().cloned().collect(),
         ..ReduceOptions::default()
@@ -99,7 +115,13 @@ fn reduced(args: &GenerateArgs, tolerance: f32) -> Result<(Reduced, Mesh)> {
     if fs::read_to_string(&copy).is_ok_and(|there| !there.starts_with(MARK)) {
         return Err(yours_lies_there(&args.output, &copy));
     }
-    Ok((work.reduce(&args.output)?, mesh))
+    let own = source.recipe.as_ref();
+    Ok(Done {
+        reduced: work.reduce(&args.output)?,
+        mesh,
+        mended: source.mended,
+        ignored: own.map_or(Vec::new(), |(file, _)| file.ignored().to_vec()),
+    })
 }
 
 /// That a recipe which somebody wrote is never written over.

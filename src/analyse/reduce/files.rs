@@ -64,10 +64,10 @@ impl Reduction {
         let (source, maps) = self.kept.write(stem, recipe)?;
         let map_bytes = maps.iter().map(|f| f.bytes).sum();
         let reduced = Recipe {
+            version: Recipe::default().version, // keys of a newer one are not in it
             size: self.size_of_recipe()?,
             aspect: Some(aspect),
             wrap: self.kept.map.wrap(),
-            seed: 0,
             adjust: Adjust::default(),
             scene: self.scene(recipe),
             layers: vec![Layer::new(source)],
