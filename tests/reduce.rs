@@ -267,6 +267,7 @@ fn a_finished_map_is_reduced_as_well_and_where_all_is_seen_all_is_kept() {
         (&"map".into(), &"f32".into())
     );
     assert_eq!(json["dropped"].as_array().map(Vec::len), Some(0));
+    assert_eq!(json["reference_samples"], Value::Null);
     assert_eq!(
         desk.files("out"),
         [

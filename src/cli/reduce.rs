@@ -262,14 +262,30 @@ fn saving(reduction: &Reduction, saved: &Saved) -> String {
     };
     format!(
         "texels as they are stored: {} in place of {} ({share:.2} % saved); in files: {}\n{table}\
-         drawing: {:.2} ms in place of {:.2} ms\n\
-         measured by the reference, {n}x{n} samples a pixel, from what the files give back:\n",
+         drawing: {:.2} ms in place of {:.2} ms\n{}",
         console::bytes(after),
         console::bytes(before),
         console::bytes(saved.map_bytes),
         reduction.milliseconds,
         reduction.full_milliseconds,
-        n = reduction.reference_samples,
+        measured(reduction),
+    )
+}
+
+/// How the errors that follow were found.
+fn measured(reduction: &Reduction) -> String {
+    let Some(n) = reduction.reference_samples else {
+        return "not measured: the files give the full map back to the bit, so the pictures are the same:\n".to_owned();
+    };
+    let wanted = reduction.texels_a_pixel;
+    let few = match wanted > n {
+        true => format!(
+            "note: {wanted} texels of the map lie along a pixel's side, more than the reference can sample; a larger --size tells more\n"
+        ),
+        false => String::new(),
+    };
+    format!(
+        "{few}measured by the reference, {n}x{n} samples a pixel, from what the files give back:\n"
     )
 }
 

@@ -5,7 +5,7 @@ use crate::analyse::flip::{mean, quantile};
 use crate::analyse::{ColourDifference, Flip, PIXELS_PER_DEGREE};
 use crate::brdf::Model;
 use crate::error::{Error, Result};
-use crate::map::AnisoMap;
+use crate::map::{AnisoMap, Size};
 use crate::preview::{
     Background, Look, Picture, Quality, REFERENCE_SAMPLES, SAMPLES_MAX, Scene, Subject, Timings,
     render, render_reference,
@@ -154,15 +154,14 @@ impl<'a> Studio<'a> {
         Ok(render_reference(subject, scene, &[look], size, samples, progress)?.swap_remove(0))
     }
 
-    /// A map of N texels across a picture of n pixels wants N/n samples along a pixel's side.
+    /// A map of N texels across a picture of n pixels wants N/n samples along a pixel's side; it has fewer where no more can be
+    /// drawn.
     pub(super) fn reference_samples(&self) -> u32 {
-        let wanted = self.texels_a_pixel();
-        let allowed = [REFERENCE_SAMPLES, 12, 16].into_iter();
-        allowed.filter(|n| *n >= wanted).min().unwrap_or(16)
+        samples_for(self.texels_a_pixel(), self.request.size)
     }
 
     /// Texels along a pixel's side where one turn of the map fills the picture.
-    fn texels_a_pixel(&self) -> u32 {
+    pub(super) fn texels_a_pixel(&self) -> u32 {
         let (map, size) = (self.request.map.size(), self.request.size);
         let across = map.width().div_ceil(size.width());
         across.max(map.height().div_ceil(size.height()))
@@ -275,10 +274,31 @@ impl<'a> Studio<'a> {
     }
 }
 
+/// The fewest samples along a pixel's side that are as many as `wanted`, or the most that a picture of `size` can be drawn with.
+fn samples_for(wanted: u32, size: Size) -> u32 {
+    let side = |n: u32, pixels: u32| n.saturating_mul(pixels);
+    let mut samples = REFERENCE_SAMPLES;
+    for more in [12, 16, 24, 48] {
+        let grid = Size::new(side(more, size.width()), side(more, size.height()));
+        if samples < wanted && grid.is_ok() {
+            samples = more;
+        }
+    }
+    samples
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::Size;
+
+    #[test]
+    fn the_reference_has_a_sample_for_every_texel_where_it_can() {
+        let samples = |wanted, side| samples_for(wanted, Size::new(side, side).unwrap());
+        let small = [1, 8, 9, 16, 17, 25, 99].map(|wanted| samples(wanted, 64));
+        assert_eq!(small, [8, 8, 12, 16, 24, 48, 48]);
+        assert_eq!(samples(48, 384), 24); // 384 * 48 samples a side are too many
+        assert_eq!(samples(48, 2000), REFERENCE_SAMPLES);
+    }
 
     #[test]
     fn luminance_errors_are_relative_down_to_one_percent_of_white() {

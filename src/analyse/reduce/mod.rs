@@ -222,8 +222,10 @@ pub struct Reduction {
     pub trials: Vec<Trial>,
     /// The exponent up to which a lobe shows, which the closed forms start from.
     pub k_max: f32,
-    /// Samples along a pixel's side of the reference.
-    pub reference_samples: u32,
+    /// Samples along a pixel's side of the reference; none where the full map is kept to the bit and nothing was measured.
+    pub reference_samples: Option<u32>,
+    /// Texels along a pixel's side where one turn of the full map fills the picture: the samples that the reference wants.
+    pub texels_a_pixel: u32,
     /// Bytes of the full map in memory.
     pub full_bytes: u64,
     /// The model asked for.
@@ -322,18 +324,14 @@ impl Search<'_> {
     fn full(&mut self) -> Result<Reduction> {
         let form = Form::full(Shape::Grid(self.request.map.size()));
         let kept = self.kept(form)?;
-        self.log(
-            form,
-            Some(0.0),
-            Some(PictureError::default()),
-            Verdict::Taken,
-        );
+        self.log(form, Some(0.0), None, Verdict::Taken);
         let errors = vec![PictureError::default(); self.request.settings.len()];
         self.end(kept, self.request.model, errors)
     }
 
     fn end(&mut self, kept: Kept, model: Model, errors: Vec<PictureError>) -> Result<Reduction> {
         let full = Form::full(Shape::Grid(self.request.map.size()));
+        let measured = kept.form != full || model != self.request.model;
         Ok(Reduction {
             milliseconds: self.studio.time(&kept.map, model, self.progress)?,
             kept,
@@ -341,7 +339,8 @@ impl Search<'_> {
             errors,
             trials: std::mem::take(&mut self.trials),
             k_max: self.predictor.k_max(),
-            reference_samples: self.studio.reference_samples(),
+            reference_samples: measured.then(|| self.studio.reference_samples()),
+            texels_a_pixel: self.studio.texels_a_pixel(),
             full_bytes: full.bytes(),
             full_model: self.request.model,
             full_milliseconds: self.studio.milliseconds,
