@@ -137,7 +137,6 @@ impl PartialEq for Tile {
 /// What every sample of a window sees, tile by tile. Five bytes a sample, so it can be kept from picture to picture.
 #[derive(Clone, Debug)]
 pub struct GBuffer {
-    window: Rect,
     corners: Corners,
     tiles: Vec<Tile>,
 }
@@ -169,21 +168,7 @@ impl GBuffer {
                 plan.draw(i, tile, depths);
                 Ok(())
             })?;
-        Ok(Self::from_parts(window, corners, tiles))
-    }
-
-    /// From tiles that were drawn one by one.
-    pub fn from_parts(window: Rect, corners: Corners, tiles: Vec<Tile>) -> Self {
-        Self {
-            window,
-            corners,
-            tiles,
-        }
-    }
-
-    /// The samples that were drawn.
-    pub fn window(&self) -> Rect {
-        self.window
+        Ok(Self { corners, tiles })
     }
 
     /// What it was drawn with.
@@ -194,11 +179,6 @@ impl GBuffer {
     /// The tiles, row by row.
     pub fn tiles(&self) -> &[Tile] {
         &self.tiles
-    }
-
-    /// The tiles again, whose memory the next picture may take.
-    pub fn into_tiles(self) -> Vec<Tile> {
-        self.tiles
     }
 }
 
