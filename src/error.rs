@@ -7,6 +7,7 @@
 use std::fmt::Display;
 use std::fs::File;
 use std::io;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 /// The library's result.
@@ -115,6 +116,18 @@ impl Error {
             Self::Write { .. } => 3,
         }
     }
+}
+
+/// Holds a number against its range, as f32 both: 0.01 as f64 is less than as f32. NaN is in no range.
+pub(crate) fn in_range(what: impl Into<String>, value: f32, range: RangeInclusive<f32>) -> Result<()> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(Error::invalid(
+        what,
+        value,
+        format!("allowed: {} to {}", range.start(), range.end()),
+    ))
 }
 
 /// Opens a regular file and tells its length: the one way to the content of any input.

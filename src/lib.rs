@@ -17,6 +17,8 @@ pub mod convention;
 pub mod coverage;
 pub mod pattern;
 
+pub mod paint;
+
 pub mod filter;
 pub mod import;
 pub mod recipe;

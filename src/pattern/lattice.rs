@@ -230,13 +230,13 @@ fn to_int(x: f32) -> i32 {
 
 /// 24 random bits to [0, 1).
 #[inline(always)]
-pub(super) fn unit(bits: u32) -> f32 {
+pub(crate) fn unit(bits: u32) -> f32 {
     (bits & 0x00ff_ffff) as i32 as f32 * (1.0 / 16_777_216.0)
 }
 
 /// An integer hash with full avalanche (the two-multiply "lowbias32" of Chris Wellons, with the seed added between).
 #[inline(always)]
-pub(super) fn hash(x: u32, seed: u32) -> u32 {
+pub(crate) fn hash(x: u32, seed: u32) -> u32 {
     let mut h = x.wrapping_mul(0x9e37_79b1) ^ seed;
     h ^= h >> 16;
     h = h.wrapping_mul(0x7feb_352d);
@@ -246,7 +246,7 @@ pub(super) fn hash(x: u32, seed: u32) -> u32 {
 }
 
 /// A 32-bit seed out of a 64-bit one and a number that tells uses apart.
-pub(super) fn seed32(seed: u64, purpose: u32) -> u32 {
+pub(crate) fn seed32(seed: u64, purpose: u32) -> u32 {
     hash(
         seed as u32,
         hash((seed >> 32) as u32, hash(purpose, 0x616e_6973)),

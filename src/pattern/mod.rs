@@ -23,6 +23,8 @@ pub use radial::{Radial, RadialStyle};
 pub use scratches::Scratches;
 pub use weave::{Thread, Weave, WeaveStyle};
 
+pub(crate) use lattice::{hash, unit};
+
 use crate::error::{Error, Result};
 use crate::map::{RegionMut, Size, Wrap};
 use glam::Vec2;

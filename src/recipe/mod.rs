@@ -25,10 +25,9 @@ pub use presets::{PRESETS, Preset, open, preset};
 pub use stored::{Radius, Stored};
 
 use crate::brdf::Model;
-use crate::error::{Error, Result, nearest_word};
+use crate::error::{Error, Result, in_range as number, nearest_word};
 use crate::map::{Size, Wrap};
 use serde::{Deserialize, Serialize};
-use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 /// The version of the format that this library writes, and knows to the last key.
@@ -371,18 +370,6 @@ impl Scene {
         }
         Ok(())
     }
-}
-
-/// Holds a number against its range, as f32 both: 0.01 as f64 is less than as f32. NaN is in no range.
-fn number(what: impl Into<String>, value: f32, range: RangeInclusive<f32>) -> Result<()> {
-    if range.contains(&value) {
-        return Ok(());
-    }
-    Err(Error::invalid(
-        what,
-        value,
-        format!("allowed: {} to {}", range.start(), range.end()),
-    ))
 }
 
 fn check_seed(what: impl Into<String>, seed: u64) -> Result<()> {
