@@ -14,6 +14,7 @@ use crate::pattern::{Fill, Patch, Surface};
 use crate::progress::Progress;
 use glam::Vec2;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Texels of a tile: its planes, about 30 bytes a texel, stay in a core's second cache.
 const TILE_WIDTH: u32 = 256;
@@ -21,7 +22,8 @@ const TILE_HEIGHT: u32 = 32;
 /// Texels of a band that one pattern fills straight into the map.
 const BAND_TEXELS: u32 = 32_768;
 
-/// A recipe prepared for one size.
+/// A recipe prepared for one size. Cloning copies references only.
+#[derive(Clone)]
 pub struct Prepared {
     size: Size,
     wrap: Wrap,
@@ -29,11 +31,16 @@ pub struct Prepared {
     adjust: Option<Turned>,
 }
 
+#[derive(Clone)]
 struct PreparedLayer {
+    /// Its number in the recipe.
+    at: usize,
     opacity: f32,
     channels: Channels,
-    source: Box<dyn Fill>,
-    mask: Option<PreparedMask>,
+    source: Arc<dyn Fill>,
+    mask: Option<Arc<PreparedMask>>,
+    /// What source and mask were made of.
+    of: (Source, Option<Mask>, Surface),
     /// What reading its image had to change.
     mended: Mended,
 }
@@ -53,6 +60,7 @@ enum Weights {
 }
 
 /// [`super::Adjust`] with its angle taken apart.
+#[derive(Clone)]
 struct Turned {
     alpha_x: f32,
     alpha_y: f32,
@@ -66,6 +74,31 @@ impl Recipe {
     /// As [`Recipe::check`], when a file that it names may not or cannot be read, and [`crate::Error::Cancelled`] when
     /// `progress`, which is asked before each layer and mask, says so.
     pub fn prepare(&self, size: Size, files: &Files, progress: &Progress<'_>) -> Result<Prepared> {
+        self.prepare_from(&[], size, files, progress)
+    }
+
+    /// As [`Recipe::prepare`], with the sources and masks taken over from `before` that are as they were there: after a change
+    /// of one layer only that one is prepared. Files that they were read from are not looked at again.
+    ///
+    /// # Errors
+    /// As [`Recipe::prepare`].
+    pub fn prepare_after(
+        &self,
+        before: &Prepared,
+        size: Size,
+        files: &Files,
+        progress: &Progress<'_>,
+    ) -> Result<Prepared> {
+        self.prepare_from(&before.layers, size, files, progress)
+    }
+
+    fn prepare_from(
+        &self,
+        before: &[PreparedLayer],
+        size: Size,
+        files: &Files,
+        progress: &Progress<'_>,
+    ) -> Result<Prepared> {
         self.check()?;
         let surface = Surface {
             size,
@@ -81,7 +114,7 @@ impl Recipe {
             size,
             wrap: self.wrap,
             layers: shown
-                .map(|(i, layer)| prepare_layer(i, layer, &surface, files, progress))
+                .map(|(i, layer)| prepare_layer((i, layer), before, &surface, files, progress))
                 .collect::<Result<_>>()?,
             adjust: (adjust != super::Adjust::default()).then(|| Turned {
                 alpha_x: adjust.alpha_x,
@@ -129,39 +162,65 @@ fn feather_texels(mask: &Mask, surface: &Surface) -> Vec2 {
 }
 
 fn prepare_layer(
-    i: usize,
-    layer: &Layer,
+    (at, layer): (usize, &Layer),
+    before: &[PreparedLayer],
     surface: &Surface,
     files: &Files,
     progress: &Progress<'_>,
 ) -> Result<PreparedLayer> {
     progress.check()?;
-    let seed = layer.seed_in(surface.seed);
-    let own = Surface { seed, ..*surface };
+    let own = Surface {
+        seed: layer.seed_in(surface.seed),
+        ..*surface
+    };
     let Blend::Mix = layer.blend;
-    let mut mended = Mended::default();
+    let source = before
+        .iter()
+        .find(|old| (&old.of.0, old.of.2) == (&layer.source, own));
+    let mask = before
+        .iter()
+        .find(|old| (&old.of.1, old.of.2) == (&layer.mask, own));
+    let (source, mended) = match source {
+        Some(old) => (old.source.clone(), old.mended),
+        None => prepare_source(&format!("layers.{at}"), &layer.source, &own, files)?,
+    };
+    let mask = match (mask, &layer.mask) {
+        (Some(old), _) => old.mask.clone(),
+        (None, None) => None,
+        (None, Some(mask)) => {
+            progress.check()?;
+            Some(Arc::new(prepare_mask(mask, &own)?))
+        }
+    };
     Ok(PreparedLayer {
+        at,
         opacity: layer.opacity,
         channels: layer.channels,
-        source: match &layer.source {
-            Source::Pattern(p) => p.prepare(&own)?,
-            Source::Image(image) => {
-                let laid = image.prepare(&format!("layers.{i}.image.file"), &own, files)?;
-                mended = laid.mended;
-                Box::new(laid)
-            }
-            Source::Stored(stored) => {
-                Box::new(stored.prepare(&format!("layers.{i}.stored"), &own, files)?)
-            }
-        },
+        source,
+        mask,
+        of: (layer.source.clone(), layer.mask.clone(), own),
         mended,
-        mask: match &layer.mask {
-            Some(mask) => {
-                progress.check()?;
-                Some(prepare_mask(mask, &own)?)
-            }
-            None => None,
-        },
+    })
+}
+
+/// The source of the layer that the recipe calls `key`, and what reading its image had to change.
+fn prepare_source(
+    key: &str,
+    source: &Source,
+    own: &Surface,
+    files: &Files,
+) -> Result<(Arc<dyn Fill>, Mended)> {
+    Ok(match source {
+        Source::Pattern(p) => (p.prepare(own)?.into(), Mended::default()),
+        Source::Image(image) => {
+            let laid = image.prepare(&format!("{key}.image.file"), own, files)?;
+            let mended = laid.mended;
+            (Arc::new(laid), mended)
+        }
+        Source::Stored(stored) => {
+            let laid = stored.prepare(&format!("{key}.stored"), own, files)?;
+            (Arc::new(laid), Mended::default())
+        }
     })
 }
 
@@ -702,6 +761,28 @@ mod tests {
             let t = whole.texel_at(i);
             assert!((t.axis.double_angle().length() - 1.0).abs() < 1e-5);
         }
+    }
+
+    #[test]
+    fn what_was_prepared_before_serves_again_where_it_is_the_same() {
+        let file = RecipeFile::parse(&format!("version = 1\n{MANY}"), "t.toml", None).unwrap();
+        let (none, files) = (Progress::none(), Files::default());
+        let size = file.recipe().size;
+        let before = file.recipe().prepare(size, &files, &none).unwrap();
+        let mut recipe = file.recipe().clone();
+        recipe.layers[1].opacity = 0.25;
+        recipe.layers.swap(0, 1);
+        let after = recipe.prepare_after(&before, size, &files, &none).unwrap();
+        let is_shared = |layer: &PreparedLayer| {
+            let same = |old: &PreparedLayer| Arc::ptr_eq(&old.source, &layer.source);
+            before.layers.iter().any(same)
+        };
+        assert!(after.layers.iter().all(is_shared));
+        let anew = recipe.prepare(size, &files, &none).unwrap();
+        assert!(after.map(&none).unwrap() == anew.map(&none).unwrap());
+        recipe.seed += 1;
+        let other = recipe.prepare_after(&before, size, &files, &none).unwrap();
+        assert!(!other.layers.iter().any(is_shared), "its seed changed");
     }
 
     #[test]
