@@ -173,6 +173,15 @@ impl RecipeFile {
         Ok(moved)
     }
 
+    /// The same recipe as the file at `path`, in the folder it is in.
+    #[must_use]
+    pub fn saved_as(self, path: impl AsRef<Path>) -> Self {
+        Self {
+            path: path.as_ref().to_owned(),
+            ..self
+        }
+    }
+
     /// Whether it names a file outside its own folder, which `--allow-outside` is needed for.
     pub fn names_outside(&self) -> bool {
         let named = self.recipe.layers.iter().flat_map(|l| match &l.source {
