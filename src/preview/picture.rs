@@ -1,8 +1,9 @@
 //! Pixels in linear light, and their way to eight bits.
 
-use crate::map::Size;
+use crate::map::{Rect, Size};
 use crate::math;
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// A picture in linear light with Rec. 709 primaries: 1 is display white, values above it are kept. Row 0 is the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,10 +82,86 @@ impl Picture {
 
     /// Eight bits a channel, R, G, B in row order: sRGB-encoded and rounded to nearest, clipped at black and white.
     pub fn to_srgb8(&self) -> Vec<u8> {
-        self.pixels
-            .par_iter()
-            .flat_map_iter(|p| p.map(|c| (srgb_from_linear(c) * 255.0 + 0.5) as u8))
-            .collect()
+        let mut bytes = vec![0; self.pixels.len() * 3];
+        self.write_srgb8(self.size().rect(), &mut bytes, (self.width(), [0, 0]));
+        bytes
+    }
+
+    /// Writes a rectangle as [`Picture::to_srgb8`] would into another picture of such bytes, which is `width` pixels wide, with
+    /// the rectangle's upper left corner at `place`.
+    ///
+    /// # Panics
+    /// When the rectangle reaches outside the picture, or at its place outside the other.
+    pub fn write_srgb8(&self, rect: Rect, bytes: &mut [u8], (width, place): (u32, [u32; 2])) {
+        assert!(place[0] + rect.width <= width, "inside the other picture");
+        let codes = Codes::get();
+        let (first, stride) = (place[1] as usize, width as usize * 3);
+        let rows = &mut bytes[first * stride..(first + rect.height as usize) * stride];
+        rows.par_chunks_mut(stride)
+            .enumerate()
+            .with_min_len(16)
+            .for_each(|(y, row)| {
+                let from = &self.row(rect.y + y as u32)[rect.x as usize..][..rect.width as usize];
+                let row = &mut row[place[0] as usize * 3..][..from.len() * 3];
+                for (to, pixel) in row.chunks_exact_mut(3).zip(from) {
+                    to.copy_from_slice(&pixel.map(|c| codes.of(c)));
+                }
+            });
+    }
+}
+
+/// The 8-bit sRGB codes of linear values, by table: a value's code is looked up by its leading bits, then raised past the
+/// thresholds that lie among values with these bits.
+struct Codes {
+    /// For the leading bits of each value from [`Codes::LOW`] to 1, the code of the least such value.
+    first: Vec<u8>,
+    /// The least value of each code from 1 on.
+    least: [f32; 255],
+}
+
+impl Codes {
+    /// Bits of a value that are not looked at: those left tell values apart that differ by a 128th.
+    const SHIFT: u32 = 16;
+    /// Bits of a value below which every code is 0: 2^-13, an eighth of a code.
+    const LOW: u32 = (127 - 13) << 23;
+
+    fn get() -> &'static Self {
+        static CODES: OnceLock<Codes> = OnceLock::new();
+        CODES.get_or_init(|| {
+            let code = |bits: u32| (srgb_from_linear(f32::from_bits(bits)) * 255.0 + 0.5) as u8;
+            let one = 1.0_f32.to_bits();
+            let least = std::array::from_fn(|i| {
+                let (mut low, mut high) = (Self::LOW, one); // bits of positive numbers are in order
+                while low < high {
+                    let middle = low + (high - low) / 2;
+                    if usize::from(code(middle)) > i {
+                        high = middle;
+                    } else {
+                        low = middle + 1;
+                    }
+                }
+                f32::from_bits(low)
+            });
+            let first = (Self::LOW >> Self::SHIFT..=one >> Self::SHIFT)
+                .map(|top| code(top << Self::SHIFT))
+                .collect();
+            Self { first, least }
+        })
+    }
+
+    fn of(&self, c: f32) -> u8 {
+        if c >= 1.0 {
+            return 255;
+        }
+        if !(c >= f32::from_bits(Self::LOW)) {
+            return 0; // NaN too
+        }
+        let mut code = self.first[(c.to_bits() >> Self::SHIFT) as usize
+            - (Self::LOW >> Self::SHIFT) as usize];
+        while code < 255 && c >= self.least[usize::from(code)] {
+            code += 1;
+        }
+        code
     }
 }
 
@@ -131,6 +208,25 @@ mod tests {
         }
         for (i, c) in picture.to_srgb8().chunks(3).enumerate() {
             assert_eq!(c, [i as u8; 3]);
+        }
+    }
+
+    #[test]
+    fn codes_by_table_are_those_of_the_formula() {
+        let codes = Codes::get();
+        let formula = |c: f32| (srgb_from_linear(c) * 255.0 + 0.5) as u8;
+        for step in 0..200_000 {
+            let c = step as f32 / 190_000.0;
+            assert_eq!(codes.of(c), formula(c), "{c}");
+        }
+        for least in codes.least {
+            for bits in [least.to_bits() - 1, least.to_bits(), least.to_bits() + 1] {
+                let c = f32::from_bits(bits);
+                assert_eq!(codes.of(c), formula(c), "{c}");
+            }
+        }
+        for c in [0.0, -0.0, -1.0, f32::NAN, f32::INFINITY, f32::MIN_POSITIVE, 1.0] {
+            assert_eq!(codes.of(c), formula(c), "{c}");
         }
     }
 
