@@ -43,6 +43,7 @@ pub struct Frame {
     picture: Picture,
     kept: Option<Kept>,
     shown: Option<Shown>,
+    touched: Vec<Rect>,
 }
 
 /// What does not change with the light.
@@ -73,12 +74,18 @@ impl Frame {
             picture: Picture::new(size, [0.0; 3]),
             kept: None,
             shown: None,
+            touched: Vec::new(),
         }
     }
 
     /// The picture as it was last drawn.
     pub fn picture(&self) -> &Picture {
         &self.picture
+    }
+
+    /// After [`Redrawn::Tiles`], the rectangles of pixels outside which the picture is as before.
+    pub fn touched(&self) -> &[Rect] {
+        &self.touched
     }
 
     /// Takes another size; the picture is black until it is drawn again.
@@ -133,7 +140,10 @@ impl Frame {
             };
             match dirty {
                 Some([]) => Redrawn::Nothing,
-                Some(rects) => Redrawn::Tiles(job.relight_some(kept, rects, &mut self.picture)?),
+                Some(rects) => {
+                    self.touched = job.relight_some(kept, rects, &mut self.picture)?;
+                    Redrawn::Tiles(self.touched.len())
+                }
                 None => {
                     job.relight(kept, &mut self.picture)?;
                     Redrawn::Light
@@ -265,13 +275,13 @@ impl Job<'_> {
         )
     }
 
-    /// Lights the pixels that see any of some rectangles of the map, and counts the tiles where such may be.
+    /// Lights the pixels that see any of some rectangles of the map, and gives the tiles where such may be, in pixels.
     fn relight_some(
         &self,
         kept: &mut Kept,
         rects: &[Rect],
         picture: &mut Picture,
-    ) -> Result<usize> {
+    ) -> Result<Vec<Rect>> {
         let (map, mips) = (self.subject.map(), self.scene.quality.mips);
         if kept.reaches.as_ref().is_none_or(|r| r.mips != mips) {
             kept.reaches = Some(self.reaches(kept)?);
@@ -295,7 +305,15 @@ impl Job<'_> {
                 shader.pixels_of_fragments(tile, desk, lines, self.timings);
             },
         )?;
-        Ok(touched.into_iter().filter(|t| *t).count())
+        let tiles = kept.tiles.iter().zip(touched).filter(|(_, touched)| *touched);
+        Ok(tiles
+            .map(|(tile, _)| Rect {
+                x: tile.rect.x / samples,
+                y: tile.rect.y / samples,
+                width: tile.rect.width / samples,
+                height: tile.rect.height / samples,
+            })
+            .collect())
     }
 
     /// Calls `light` for the tiles that are wanted, with their fragments on the desk.
