@@ -27,6 +27,7 @@ pub use torus::torus;
 
 use crate::error::{Error, Result, nearest_word, open_regular};
 use glam::{Vec2, Vec3, Vec4};
+use std::borrow::Cow;
 use std::io::Read;
 use std::path::Path;
 
@@ -58,6 +59,18 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// The surface's width over its height for one turn of UV: what a recipe's `aspect` should be on this mesh.
     pub aspect: f32,
+}
+
+impl<'a> From<&'a Mesh> for Cow<'a, Mesh> {
+    fn from(mesh: &'a Mesh) -> Self {
+        Self::Borrowed(mesh)
+    }
+}
+
+impl From<Mesh> for Cow<'_, Mesh> {
+    fn from(mesh: Mesh) -> Self {
+        Self::Owned(mesh)
+    }
 }
 
 /// How far a stored unit vector may be from length 1, and a tangent from the normal's plane.

@@ -30,12 +30,12 @@ pub struct Prepared<'a> {
 }
 
 impl<'a> Prepared<'a> {
-    /// A map that is owned may be changed without a copy.
+    /// A map that is owned may be changed without a copy. What owns both may be kept for as long as anybody likes.
     ///
     /// # Errors
     /// When the mesh's arrays do not fit together, or the material holds numbers that are not allowed.
     pub fn new(
-        mesh: &'a Mesh,
+        mesh: impl Into<Cow<'a, Mesh>>,
         map: impl Into<Cow<'a, AnisoMap>>,
         material: Material,
         timings: &Timings,
@@ -51,6 +51,11 @@ impl<'a> Prepared<'a> {
                 desks: Desks::default(),
             })
         })
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Mesh {
+        self.geometry.mesh()
     }
 
     /// The map.
@@ -85,6 +90,18 @@ impl<'a> Prepared<'a> {
             self.changes.remove(0);
         }
         self.changes.push(rect);
+    }
+
+    /// Takes another map. Every [`Frame`](super::Frame) is lit anew.
+    pub fn set_map(&mut self, pyramid: Pyramid<'a>) {
+        self.pyramid = pyramid;
+        self.revision += 1;
+        self.changes.clear();
+    }
+
+    /// Takes another mesh. Every [`Frame`](super::Frame) is drawn anew.
+    pub fn set_mesh(&mut self, geometry: Geometry<'a>) {
+        self.geometry = geometry;
     }
 
     /// Number of changes of the map so far.

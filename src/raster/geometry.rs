@@ -4,12 +4,13 @@ use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A mesh with its attributes in the order in which they are interpolated.
 #[derive(Debug)]
 pub struct Geometry<'a> {
-    mesh: &'a Mesh,
+    mesh: Cow<'a, Mesh>,
     id: u64,
     pub(super) rows: Vec<Row>,
     /// Whether each triangle winds counter-clockwise as seen from the side that its normals call outside.
@@ -21,16 +22,17 @@ impl<'a> Geometry<'a> {
     ///
     /// # Errors
     /// When there are not as many normals, tangents and uvs as positions, or a triangle names a vertex that is not there.
-    pub fn new(mesh: &'a Mesh) -> Result<Self> {
-        check(mesh)?;
+    pub fn new(mesh: impl Into<Cow<'a, Mesh>>) -> Result<Self> {
+        let mesh = mesh.into();
+        check(&mesh)?;
         let vertices = (0..mesh.positions.len()).into_par_iter().with_min_len(4096);
         let triangles = mesh.triangles.par_iter().with_min_len(4096);
         static NEXT: AtomicU64 = AtomicU64::new(0);
         Ok(Self {
-            mesh,
             id: NEXT.fetch_add(1, Ordering::Relaxed),
-            rows: vertices.map(|i| Row::new(mesh, i)).collect(),
-            as_wound: triangles.map(|t| outward(mesh, *t).as_wound).collect(),
+            rows: vertices.map(|i| Row::new(&mesh, i)).collect(),
+            as_wound: triangles.map(|t| outward(&mesh, *t).as_wound).collect(),
+            mesh,
         })
     }
 
@@ -40,8 +42,8 @@ impl<'a> Geometry<'a> {
     }
 
     /// The mesh.
-    pub fn mesh(&self) -> &'a Mesh {
-        self.mesh
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
     }
 }
 
