@@ -119,7 +119,11 @@ impl Error {
 }
 
 /// Holds a number against its range, as f32 both: 0.01 as f64 is less than as f32. NaN is in no range.
-pub(crate) fn in_range(what: impl Into<String>, value: f32, range: RangeInclusive<f32>) -> Result<()> {
+pub(crate) fn in_range(
+    what: impl Into<String>,
+    value: f32,
+    range: RangeInclusive<f32>,
+) -> Result<()> {
     if range.contains(&value) {
         return Ok(());
     }

@@ -8,11 +8,21 @@
 //! of threads and at any CPU level.
 
 mod brush;
+mod composite;
+mod cover;
+mod laid;
 mod packed;
+mod painting;
+mod smooth;
 mod stroke;
+mod trail;
 
 pub use brush::{
     Brush, COPIES_MAX, FillWith, Groove, Keep, Pressure, Roughen, Scratch, SetAlpha, SetDirection,
     Smooth, Symmetry, Tool,
 };
+pub use painting::Painting;
 pub use stroke::{MeshPoints, POINTS_MAX, Point, Points, STROKES_MAX, Stroke, Strokes, UV_REACH};
+
+#[cfg(test)]
+mod tests;

@@ -313,13 +313,18 @@ impl<'de> Deserialize<'de> for Run {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let text = String::deserialize(deserializer)?;
         let bytes = STANDARD_NO_PAD.decode(text).map_err(|e| {
-            D::Error::custom(format!("is no packed strokes: {e}; allowed: base64 as this program writes it"))
+            D::Error::custom(format!(
+                "is no packed strokes: {e}; allowed: base64 as this program writes it"
+            ))
         })?;
         let mut reader = Reader { bytes: &bytes };
         let mut strokes = Vec::new();
         while !reader.bytes.is_empty() {
             let stroke = unpack(&mut reader).map_err(|wrong| {
-                D::Error::custom(format!("has a stroke, number {} of its own, that cannot be read: {wrong}", strokes.len()))
+                D::Error::custom(format!(
+                    "has a stroke, number {} of its own, that cannot be read: {wrong}",
+                    strokes.len()
+                ))
             })?;
             strokes.push(stroke);
         }
@@ -360,9 +365,10 @@ impl<'de> Deserialize<'de> for Strokes {
         let mut strokes = Vec::with_capacity(count);
         for (n, run) in table.packed.into_iter().enumerate() {
             for stroke in run.0 {
-                strokes.push(named(stroke, &table.brushes).map_err(|wrong| {
-                    D::Error::custom(format!("in packed.{n} {wrong}"))
-                })?);
+                strokes.push(
+                    named(stroke, &table.brushes)
+                        .map_err(|wrong| D::Error::custom(format!("in packed.{n} {wrong}")))?,
+                );
             }
         }
         Ok(Self {

@@ -215,7 +215,9 @@ impl Points {
         }
         match self {
             Self::Uv(points) => {
-                let doubled = points.windows(2).any(|p| (p[0].x, p[0].y) == (p[1].x, p[1].y));
+                let doubled = points
+                    .windows(2)
+                    .any(|p| (p[0].x, p[0].y) == (p[1].x, p[1].y));
                 each(points, Self::add_uv, doubled);
             }
             Self::Mesh(mesh) => {

@@ -305,7 +305,11 @@ impl Job<'_> {
                 shader.pixels_of_fragments(tile, desk, lines, self.timings);
             },
         )?;
-        let tiles = kept.tiles.iter().zip(touched).filter(|(_, touched)| *touched);
+        let tiles = kept
+            .tiles
+            .iter()
+            .zip(touched)
+            .filter(|(_, touched)| *touched);
         Ok(tiles
             .map(|(tile, _)| Rect {
                 x: tile.rect.x / samples,

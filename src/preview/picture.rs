@@ -156,8 +156,8 @@ impl Codes {
         if !(c >= f32::from_bits(Self::LOW)) {
             return 0; // NaN too
         }
-        let mut code = self.first[(c.to_bits() >> Self::SHIFT) as usize
-            - (Self::LOW >> Self::SHIFT) as usize];
+        let mut code =
+            self.first[(c.to_bits() >> Self::SHIFT) as usize - (Self::LOW >> Self::SHIFT) as usize];
         while code < 255 && c >= self.least[usize::from(code)] {
             code += 1;
         }
@@ -225,7 +225,15 @@ mod tests {
                 assert_eq!(codes.of(c), formula(c), "{c}");
             }
         }
-        for c in [0.0, -0.0, -1.0, f32::NAN, f32::INFINITY, f32::MIN_POSITIVE, 1.0] {
+        for c in [
+            0.0,
+            -0.0,
+            -1.0,
+            f32::NAN,
+            f32::INFINITY,
+            f32::MIN_POSITIVE,
+            1.0,
+        ] {
             assert_eq!(codes.of(c), formula(c), "{c}");
         }
     }

@@ -7,9 +7,10 @@ use crate::coverage::DrawnMask;
 use crate::error::{Error, Result};
 use crate::map::{
     ALPHA_MAX, ALPHA_MIN, AnisoMap, DEFAULT_TEXEL, Mended, Rect, Region, RegionMut, Size,
-    SlopeCovariance, Texel, Wrap, blend,
+    SlopeCovariance, Texel, blend,
 };
 use crate::math::{AXIS_MIN_LENGTH, Axis, smoothstep};
+use crate::paint::Painting;
 use crate::pattern::{Fill, Patch, Surface};
 use crate::progress::Progress;
 use glam::Vec2;
@@ -22,11 +23,13 @@ const TILE_HEIGHT: u32 = 32;
 /// Texels of a band that one pattern fills straight into the map.
 const BAND_TEXELS: u32 = 32_768;
 
+/// Side of the squares that a map is made in where strokes look around themselves.
+const SQUARE: u32 = 2048;
+
 /// A recipe prepared for one size. Cloning copies references only.
 #[derive(Clone)]
 pub struct Prepared {
-    size: Size,
-    wrap: Wrap,
+    surface: Surface,
     layers: Vec<PreparedLayer>,
     adjust: Option<Turned>,
 }
@@ -37,12 +40,20 @@ struct PreparedLayer {
     at: usize,
     opacity: f32,
     channels: Channels,
-    source: Arc<dyn Fill>,
+    source: PreparedSource,
     mask: Option<Arc<PreparedMask>>,
     /// What source and mask were made of.
     of: (Source, Option<Mask>, Surface),
     /// What reading its image had to change.
     mended: Mended,
+}
+
+#[derive(Clone)]
+enum PreparedSource {
+    /// What does not know what lies below it.
+    Fill(Arc<dyn Fill>),
+    /// What was painted over what lies below.
+    Strokes(Arc<Painting>),
 }
 
 struct PreparedMask {
@@ -111,8 +122,7 @@ impl Recipe {
         let shown = layers.filter(|(_, l)| l.visible && l.opacity > 0.0);
         let adjust = self.adjust;
         Ok(Prepared {
-            size,
-            wrap: self.wrap,
+            surface,
             layers: shown
                 .map(|(i, layer)| prepare_layer((i, layer), before, &surface, files, progress))
                 .collect::<Result<_>>()?,
@@ -182,7 +192,13 @@ fn prepare_layer(
         .find(|old| (&old.of.1, old.of.2) == (&layer.mask, own));
     let (source, mended) = match source {
         Some(old) => (old.source.clone(), old.mended),
-        None => prepare_source(&format!("layers.{at}"), &layer.source, &own, files)?,
+        None => prepare_source(
+            &format!("layers.{at}"),
+            &layer.source,
+            &own,
+            files,
+            progress,
+        )?,
     };
     let mask = match (mask, &layer.mask) {
         (Some(old), _) => old.mask.clone(),
@@ -209,19 +225,23 @@ fn prepare_source(
     source: &Source,
     own: &Surface,
     files: &Files,
-) -> Result<(Arc<dyn Fill>, Mended)> {
-    Ok(match source {
-        Source::Pattern(p) => (p.prepare(own)?.into(), Mended::default()),
+    progress: &Progress<'_>,
+) -> Result<(PreparedSource, Mended)> {
+    let mut mended = Mended::default();
+    let fill: Arc<dyn Fill> = match source {
+        Source::Pattern(p) => p.prepare(own)?.into(),
         Source::Image(image) => {
             let laid = image.prepare(&format!("{key}.image.file"), own, files)?;
-            let mended = laid.mended;
-            (Arc::new(laid), mended)
+            mended = laid.mended;
+            Arc::new(laid)
         }
-        Source::Stored(stored) => {
-            let laid = stored.prepare(&format!("{key}.stored"), own, files)?;
-            (Arc::new(laid), Mended::default())
+        Source::Stored(stored) => Arc::new(stored.prepare(&format!("{key}.stored"), own, files)?),
+        Source::Strokes(strokes) => {
+            let painting = Painting::new(own, strokes, progress)?;
+            return Ok((PreparedSource::Strokes(Arc::new(painting)), mended));
         }
-    })
+    };
+    Ok((PreparedSource::Fill(fill), mended))
 }
 
 fn prepare_mask(mask: &Mask, surface: &Surface) -> Result<PreparedMask> {
@@ -270,6 +290,31 @@ impl Scratch {
         }
     }
 
+    /// A tile of a layer of strokes, of which none looks around itself here, over the region below it.
+    fn paint(&mut self, painting: &Painting, region: &mut RegionMut<'_>, tile: Rect) {
+        let mut below = Region::constant(tile, DEFAULT_TEXEL);
+        let n = tile.width as usize;
+        for (j, y) in (tile.y..tile.y + tile.height).enumerate() {
+            let (to, from) = (j * n, region.rect.index(tile.x, y));
+            below.alpha_x[to..to + n].copy_from_slice(&region.alpha_x[from..from + n]);
+            below.alpha_y[to..to + n].copy_from_slice(&region.alpha_y[from..from + n]);
+            below.cos2[to..to + n].copy_from_slice(&region.cos2[from..from + n]);
+            below.sin2[to..to + n].copy_from_slice(&region.sin2[from..from + n]);
+        }
+        let mut now = below.clone();
+        self.coverage.fill(0.0);
+        painting.paint(
+            0..painting.len(),
+            tile,
+            &below,
+            &mut now,
+            &mut self.coverage,
+        );
+        copy(&now, &mut self.patch(tile).region);
+        // What was painted holds what lies below it.
+        self.coverage.fill(1.0);
+    }
+
     /// The layer's planes as a region that lies at `rect`, and what a patch needs beside it.
     fn patch(&mut self, rect: Rect) -> Patch<'_> {
         let [alpha_x, alpha_y, cos2, sin2] = &mut self.layer;
@@ -287,10 +332,85 @@ impl Scratch {
     }
 }
 
+/// Copies a rectangle's texels from a region that holds it.
+fn copy(from: &Region, to: &mut RegionMut<'_>) {
+    let n = to.rect.width as usize;
+    for y in to.rect.y..to.rect.y + to.rect.height {
+        let (a, b) = (from.rect().index(to.rect.x, y), to.rect.index(to.rect.x, y));
+        to.alpha_x[b..b + n].copy_from_slice(&from.alpha_x[a..a + n]);
+        to.alpha_y[b..b + n].copy_from_slice(&from.alpha_y[a..a + n]);
+        to.cos2[b..b + n].copy_from_slice(&from.cos2[a..a + n]);
+        to.sin2[b..b + n].copy_from_slice(&from.sin2[a..a + n]);
+    }
+}
+
 impl Prepared {
     /// The size it was prepared for.
     pub fn size(&self) -> Size {
-        self.size
+        self.surface.size
+    }
+
+    /// What its layers are filled onto; the seed is the recipe's.
+    pub fn surface(&self) -> Surface {
+        self.surface
+    }
+
+    /// Fills any rectangle with what lies below the layer that has the number `at` in the recipe.
+    ///
+    /// # Panics
+    /// When the rectangle reaches outside the map.
+    pub fn fill_below(&self, at: usize, mut region: RegionMut<'_>) {
+        self.assert_inside(region.rect);
+        let below = self.layers.partition_point(|l| l.at < at);
+        composite(&self.layers[..below], &mut region, &mut Scratch::default());
+    }
+
+    /// The rectangle that [`Prepared::fill_over`] needs for `rect`: larger where strokes above the layer `at` look around
+    /// themselves.
+    pub fn needs_over(&self, at: usize, rect: Rect) -> Rect {
+        let above = self.layers.iter().rev().take_while(|l| l.at > at);
+        above.fold(rect, |rect, layer| layer.needs(rect))
+    }
+
+    /// Whether strokes above the layer `at` look around themselves anywhere.
+    pub fn looks_over(&self, at: usize) -> bool {
+        let map = self.surface.size.rect();
+        self.layers.iter().any(|l| l.at > at && l.looks(map))
+    }
+
+    /// Makes the composite of what lies below the layer `at`, which is in `region`, and what strokes made of that: the layer
+    /// itself with its opacity, mask and channels, the layers above it, and the recipe's adjustment. Where `at` does not show,
+    /// the others do. What is right afterwards is `rect`; both regions are of its [`Prepared::needs_over`].
+    ///
+    /// # Panics
+    /// When the regions are of different rectangles, or do not hold what `rect` needs.
+    pub fn fill_over(&self, at: usize, painted: &Region, rect: Rect, region: &mut Region) {
+        let needed = self.needs_over(at, rect);
+        assert!(
+            painted.rect() == region.rect() && region.rect() == needed,
+            "{:?} and {:?} must be {needed:?}",
+            painted.rect(),
+            region.rect()
+        );
+        let mut scratch = Scratch::default();
+        for (i, layer) in self.layers.iter().enumerate() {
+            if layer.at == at {
+                layer.lay(painted, &mut region.view_mut(), &mut scratch);
+            } else if layer.at > at {
+                let above = self.layers[i + 1..].iter().rev();
+                let part = above.fold(rect, |rect, layer| layer.needs(rect));
+                layer.go_over(part, region, &mut scratch);
+            }
+        }
+        if let Some(adjust) = &self.adjust {
+            adjust.apply(&mut region.view_mut());
+        }
+    }
+
+    fn assert_inside(&self, rect: Rect) {
+        let size = self.surface.size;
+        let inside = size.rect().intersection(rect) == Some(rect);
+        assert!(inside, "{rect:?} reaches outside {size}");
     }
 
     /// What reading the layers' images had to change for them to be usable.
@@ -304,8 +424,7 @@ impl Prepared {
     /// # Panics
     /// When the rectangle reaches outside the map.
     pub fn fill(&self, region: RegionMut<'_>) {
-        let inside = self.size.rect().intersection(region.rect) == Some(region.rect);
-        assert!(inside, "{:?} reaches outside {}", region.rect, self.size);
+        self.assert_inside(region.rect);
         self.fill_with(region, &mut Scratch::default());
     }
 
@@ -324,9 +443,16 @@ impl Prepared {
     /// # Errors
     /// [`crate::Error::Cancelled`] when `progress` says so.
     pub fn map(&self, progress: &Progress<'_>) -> Result<AnisoMap> {
-        let mut map = AnisoMap::unfilled(self.size, self.wrap);
+        if self
+            .layers
+            .iter()
+            .any(|l| l.looks(self.surface.size.rect()))
+        {
+            return self.map_in_squares(progress);
+        }
+        let mut map = AnisoMap::unfilled(self.surface.size, self.surface.wrap);
         let rows = match self.only_layer() {
-            Some(_) => (BAND_TEXELS / self.size.width()).max(1),
+            Some(_) => (BAND_TEXELS / self.surface.size.width()).max(1),
             None => TILE_HEIGHT,
         };
         let bands = map.bands_mut(rows);
@@ -341,16 +467,31 @@ impl Prepared {
         Ok(map)
     }
 
-    /// The layer that can be filled straight into the map: the only one, opaque, unmasked, of every channel.
-    fn only_layer(&self) -> Option<&PreparedLayer> {
+    /// The whole map in large squares: what strokes see around themselves would otherwise be made anew for every small tile.
+    fn map_in_squares(&self, progress: &Progress<'_>) -> Result<AnisoMap> {
+        let mut map = AnisoMap::constant(self.surface.size, self.surface.wrap, DEFAULT_TEXEL);
+        let squares: Vec<Rect> = self.surface.size.rect().tiles(SQUARE).collect();
+        progress.expect(squares.len() as u64);
+        for square in squares {
+            progress.check()?;
+            map.write_region(&self.region(square));
+            progress.step()?;
+        }
+        Ok(map)
+    }
+
+    /// The source that can be filled straight into the map: of the only layer, opaque, unmasked, of every channel.
+    fn only_layer(&self) -> Option<&dyn Fill> {
         match &self.layers[..] {
-            [layer]
-                if layer.mask.is_none()
-                    && layer.opacity == 1.0
-                    && layer.channels == Channels::ALL =>
-            {
-                Some(layer)
-            }
+            [
+                PreparedLayer {
+                    source: PreparedSource::Fill(source),
+                    mask: None,
+                    opacity: 1.0,
+                    channels: Channels::ALL,
+                    ..
+                },
+            ] => Some(&**source),
             _ => None,
         }
     }
@@ -359,20 +500,56 @@ impl Prepared {
         if let Some(layer) = self.only_layer() {
             fill_straight(layer, region.reborrow(), scratch);
         } else {
-            set_default(&mut region);
-            let width = region.rect.width.min(TILE_WIDTH);
-            let height = (TILE_WIDTH * TILE_HEIGHT / width).min(region.rect.height);
-            for tile in tiles(region.rect, width, height) {
-                scratch.resize(tile.texels());
-                for layer in &self.layers {
-                    layer.blend_over(&mut region, tile, scratch);
-                }
-            }
+            composite(&self.layers, &mut region, scratch);
         }
         if let Some(adjust) = &self.adjust {
             adjust.apply(&mut region);
         }
     }
+}
+
+/// Layers one over the other, the first at the bottom.
+fn composite(layers: &[PreparedLayer], region: &mut RegionMut<'_>, scratch: &mut Scratch) {
+    // A stroke that looks around itself sees more of what lies below than the rectangle: all below it comes first, and larger.
+    let looking = layers.iter().rposition(|l| l.looks(region.rect));
+    let above = match looking {
+        Some(n) => {
+            layers[n].paint_over(&layers[..n], region, scratch);
+            &layers[n + 1..]
+        }
+        None => {
+            set_default(region);
+            layers
+        }
+    };
+    each_tile(region, scratch, |region, tile, scratch| {
+        for layer in above {
+            layer.blend_over(region, tile, scratch);
+        }
+    });
+}
+
+/// Calls `work` with every tile of a region and room for its work; bands of tiles side by side where there are several.
+fn each_tile(
+    region: &mut RegionMut<'_>,
+    scratch: &mut Scratch,
+    work: impl Fn(&mut RegionMut<'_>, Rect, &mut Scratch) + Sync,
+) {
+    let width = region.rect.width.min(TILE_WIDTH);
+    let height = (TILE_WIDTH * TILE_HEIGHT / width).min(region.rect.height);
+    let band = |mut band: RegionMut<'_>, scratch: &mut Scratch| {
+        for tile in tiles(band.rect, width, height) {
+            scratch.resize(tile.texels());
+            work(&mut band, tile, scratch);
+        }
+    };
+    if region.rect.height == height {
+        return band(region.reborrow(), scratch);
+    }
+    let bands = region.reborrow().into_bands(height);
+    bands
+        .into_par_iter()
+        .for_each_init(Scratch::default, |scratch, part| band(part, scratch));
 }
 
 fn set_default(region: &mut RegionMut<'_>) {
@@ -397,7 +574,7 @@ fn tiles(rect: Rect, width: u32, height: u32) -> impl Iterator<Item = Rect> {
 }
 
 /// The pattern writes into the map itself; only what it does not cover is blended, with the default below it.
-fn fill_straight(layer: &PreparedLayer, region: RegionMut<'_>, scratch: &mut Scratch) {
+fn fill_straight(source: &dyn Fill, region: RegionMut<'_>, scratch: &mut Scratch) {
     let texels = region.rect.texels();
     scratch.coverage.resize(texels, 0.0);
     scratch.value.resize(texels, 0.0);
@@ -406,7 +583,7 @@ fn fill_straight(layer: &PreparedLayer, region: RegionMut<'_>, scratch: &mut Scr
         coverage: &mut scratch.coverage,
         value: &mut scratch.value,
     };
-    layer.source.fill(&mut patch);
+    source.fill(&mut patch);
     let mut region = patch.region;
     for (i, c) in patch.coverage.iter().enumerate() {
         if *c < 1.0 {
@@ -427,6 +604,15 @@ fn cover(below: Texel, over: Texel, coverage: f32) -> Texel {
     sum.to_texel(named.alpha_x > named.alpha_y, named.axis)
 }
 
+/// What all strokes make of a region; right in `rect`.
+fn painted_over(painting: &Painting, rect: Rect, under: &Region) -> Region {
+    let mut painted = under.clone();
+    let mut coverage = vec![0.0; under.rect().texels()];
+    let all = 0..painting.len();
+    painting.paint(all, rect, under, &mut painted, &mut coverage);
+    painted
+}
+
 impl PreparedLayer {
     /// Fills a tile of the layer and blends it over the region below.
     fn blend_over(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch) {
@@ -436,7 +622,72 @@ impl PreparedLayer {
                 return; // nothing of the layer shows here
             }
         }
-        self.source.fill(&mut scratch.patch(tile));
+        match &self.source {
+            PreparedSource::Fill(source) => source.fill(&mut scratch.patch(tile)),
+            PreparedSource::Strokes(painting) => scratch.paint(painting, region, tile),
+        }
+        self.blend_tile(region, tile, scratch);
+    }
+
+    /// Whether a stroke of the layer looks around itself in a rectangle.
+    fn looks(&self, rect: Rect) -> bool {
+        match &self.source {
+            PreparedSource::Fill(_) => false,
+            PreparedSource::Strokes(painting) => painting.looks(rect),
+        }
+    }
+
+    /// Fills a region with the layers below and this one over them, a layer of strokes of which some look around themselves.
+    fn paint_over(&self, below: &[Self], region: &mut RegionMut<'_>, scratch: &mut Scratch) {
+        let PreparedSource::Strokes(painting) = &self.source else {
+            return composite(below, region, scratch);
+        };
+        let rect = region.rect;
+        let mut under = Region::constant(painting.needs(rect), DEFAULT_TEXEL);
+        composite(below, &mut under.view_mut(), scratch);
+        let painted = painted_over(painting, rect, &under);
+        copy(&under, region);
+        self.lay(&painted, region, scratch);
+    }
+
+    /// Blends what strokes made of a region, or of more than that, over it.
+    fn lay(&self, painted: &Region, region: &mut RegionMut<'_>, scratch: &mut Scratch) {
+        each_tile(region, scratch, |region, tile, scratch| {
+            if let Some(mask) = &self.mask {
+                mask.fill(tile, scratch);
+            }
+            copy(painted, &mut scratch.patch(tile).region);
+            scratch.coverage.fill(1.0);
+            self.blend_tile(region, tile, scratch);
+        });
+    }
+
+    /// The rectangle below it that the layer needs for `rect`.
+    fn needs(&self, rect: Rect) -> Rect {
+        match &self.source {
+            PreparedSource::Fill(_) => rect,
+            PreparedSource::Strokes(painting) => painting.needs(rect),
+        }
+    }
+
+    /// Goes over the part `rect` of a region that holds what lies below it there, and as far around as the layer needs.
+    fn go_over(&self, rect: Rect, region: &mut Region, scratch: &mut Scratch) {
+        match &self.source {
+            PreparedSource::Strokes(painting) if painting.looks(rect) => {
+                let painted = painted_over(painting, rect, region);
+                let mut part = Region::constant(rect, DEFAULT_TEXEL);
+                part.copy_from(region);
+                self.lay(&painted, &mut part.view_mut(), scratch);
+                region.copy_from(&part);
+            }
+            _ => each_tile(&mut region.view_mut(), scratch, |region, tile, scratch| {
+                self.blend_over(region, tile, scratch);
+            }),
+        }
+    }
+
+    /// Blends what the scratch holds of the layer over a tile of the region below.
+    fn blend_tile(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch) {
         match &self.mask {
             Some(_) => {
                 for (w, c) in scratch.weight.iter_mut().zip(&scratch.coverage) {
@@ -638,7 +889,7 @@ mod tests {
             assert!(middle(&angle) < 2.0, "{}: {}", preset.name, middle(&angle));
         }
     }
-    use crate::map::{Texel, blend};
+    use crate::map::{Texel, Wrap, blend};
 
     fn map(text: &str) -> AnisoMap {
         let file = RecipeFile::parse(&format!("version = 1\n{text}"), "t.toml", None).unwrap();
@@ -774,7 +1025,11 @@ mod tests {
         recipe.layers.swap(0, 1);
         let after = recipe.prepare_after(&before, size, &files, &none).unwrap();
         let is_shared = |layer: &PreparedLayer| {
-            let same = |old: &PreparedLayer| Arc::ptr_eq(&old.source, &layer.source);
+            let same = |old: &PreparedLayer| match (&old.source, &layer.source) {
+                (PreparedSource::Fill(a), PreparedSource::Fill(b)) => Arc::ptr_eq(a, b),
+                (PreparedSource::Strokes(a), PreparedSource::Strokes(b)) => Arc::ptr_eq(a, b),
+                _ => false,
+            };
             before.layers.iter().any(same)
         };
         assert!(after.layers.iter().all(is_shared));

@@ -166,6 +166,13 @@ impl RecipeFile {
             match &mut layer.source {
                 Source::Image(image) => rename(&mut image.file),
                 Source::Stored(stored) => stored.files_mut().for_each(rename),
+                Source::Strokes(strokes) => {
+                    strokes
+                        .mesh
+                        .iter_mut()
+                        .filter(|m| is_path(m))
+                        .for_each(rename);
+                }
                 Source::Pattern(_) => {}
             }
         }
@@ -187,6 +194,7 @@ impl RecipeFile {
         let named = self.recipe.layers.iter().flat_map(|l| match &l.source {
             Source::Image(image) => vec![&image.file],
             Source::Stored(stored) => stored.files().collect(),
+            Source::Strokes(strokes) => strokes.mesh.iter().filter(|m| is_path(m)).collect(),
             Source::Pattern(_) => vec![],
         });
         let mesh = self.recipe.mesh.as_ref().filter(|m| is_path(m));

@@ -7,6 +7,7 @@ use super::{Image, Stored, check_seed, number};
 use crate::coverage::Outline;
 use crate::error::{Error, Result};
 use crate::map::Size;
+use crate::paint::Strokes;
 use crate::pattern::Pattern;
 use glam::Vec2;
 use serde::de::{
@@ -35,6 +36,9 @@ pub struct Layer {
     /// not change what it looks like.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
+    /// The name that its randomness follows, as after it was given another: `steel`. Default: its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seed_of: Option<String>,
     /// Where it shows. Default: everywhere.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mask: Option<Mask>,
@@ -52,6 +56,8 @@ pub enum Source {
     Image(Image),
     /// A reduced map.
     Stored(Stored),
+    /// What was painted: strokes over the composite below the layer.
+    Strokes(Strokes),
 }
 
 impl Source {
@@ -61,6 +67,7 @@ impl Source {
             Self::Pattern(p) => p.name(),
             Self::Image(_) => "image",
             Self::Stored(_) => "stored",
+            Self::Strokes(_) => "strokes",
         }
     }
 }
@@ -71,6 +78,7 @@ impl Serialize for Source {
             Self::Pattern(p) => p.serialize(serializer),
             Self::Image(i) => serializer.serialize_newtype_variant("Source", 1, "image", i),
             Self::Stored(s) => serializer.serialize_newtype_variant("Source", 2, "stored", s),
+            Self::Strokes(s) => serializer.serialize_newtype_variant("Source", 3, "strokes", s),
         }
     }
 }
@@ -217,6 +225,7 @@ impl Layer {
             blend: Blend::Mix,
             channels: Channels::ALL,
             seed: None,
+            seed_of: None,
             mask: None,
             source,
         }
@@ -233,7 +242,13 @@ impl Layer {
 
     /// The seed of its source in a recipe with `seed`.
     pub(super) fn seed_in(&self, seed: u64) -> u64 {
-        self.seed.unwrap_or_else(|| derived_seed(seed, self.name()))
+        self.seed
+            .unwrap_or_else(|| derived_seed(seed, self.random_name()))
+    }
+
+    /// The name that its randomness follows.
+    pub fn random_name(&self) -> &str {
+        self.seed_of.as_deref().unwrap_or_else(|| self.name())
     }
 
     pub(super) fn check(&self, at: &str) -> Result<()> {
@@ -245,6 +260,7 @@ impl Layer {
         match &self.source {
             Source::Pattern(p) => p.validate().map_err(below(format!("{at}.{}", p.name()))),
             Source::Stored(s) => s.check().map_err(below(format!("{at}.stored"))),
+            Source::Strokes(s) => s.check().map_err(below(format!("{at}.strokes"))),
             Source::Image(_) => Ok(()), // whether the file may be read is known when it is
         }
     }
@@ -424,10 +440,10 @@ pub(super) mod size {
     }
 }
 
-const LAYER_FIELDS: [&str; 7] = [
-    "name", "visible", "opacity", "blend", "channels", "seed", "mask",
+const LAYER_FIELDS: [&str; 8] = [
+    "name", "visible", "opacity", "blend", "channels", "seed", "seed_of", "mask",
 ];
-pub(super) const LAYER_SOURCES: [&str; 2] = ["image", "stored"];
+pub(super) const LAYER_SOURCES: [&str; 3] = ["image", "stored", "strokes"];
 const MASK_FIELDS: [&str; 5] = ["invert", "low", "high", "feather", "seed"];
 const MASK_SOURCES: [&str; 2] = ["polygon", "path"];
 
@@ -480,6 +496,7 @@ impl<'de> Visitor<'de> for LayerVisitor {
                 "blend" => layer.blend = map.next_value()?,
                 "channels" => layer.channels = map.next_value()?,
                 "seed" => layer.seed = Some(map.next_value::<Seed>()?.0),
+                "seed_of" => layer.seed_of = Some(map.next_value()?),
                 "mask" => layer.mask = Some(map.next_value()?),
                 name => {
                     if let Some(first) = &source {
@@ -488,6 +505,7 @@ impl<'de> Visitor<'de> for LayerVisitor {
                     source = Some(match name {
                         "image" => Source::Image(map.next_value()?),
                         "stored" => Source::Stored(map.next_value()?),
+                        "strokes" => Source::Strokes(map.next_value()?),
                         pattern => Source::Pattern(pattern_of(pattern, &mut map)?),
                     });
                 }
@@ -720,6 +738,8 @@ mod tests {
         assert_ne!(derived_seed(1, "a"), derived_seed(2, "a"));
         let mut named = layer("name = 'x'\n[constant]").unwrap();
         assert_eq!(named.seed_in(7), derived_seed(7, "x"));
+        named.seed_of = Some("y".to_owned());
+        assert_eq!(named.seed_in(7), derived_seed(7, "y"));
         named.seed = Some(5);
         assert_eq!(named.seed_in(7), 5);
     }

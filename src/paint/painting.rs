@@ -1,0 +1,439 @@
+//! Many strokes on a surface, sorted into tiles so that a rectangle touches only the strokes that reach it.
+
+use super::composite::{Planes, View, Work, apply};
+use super::cover::{Cover, Shape, Stamp, TILE};
+use super::laid::{Ground, pieces};
+use super::smooth::Kernel;
+use super::trail::Piece;
+use super::{Stroke, Strokes};
+use crate::error::Result;
+use crate::map::{Rect, Region};
+use crate::pattern::Surface;
+use crate::progress::Progress;
+use glam::{IVec2, Vec2};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Strokes prepared for one surface. Strokes are added and taken away at the end in time that depends on their own length alone.
+pub struct Painting {
+    ground: Ground,
+    columns: u32,
+    strokes: Vec<Laid>,
+    /// For each tile the pieces that may touch it, in the order of their strokes.
+    tiles: Vec<Vec<Entry>>,
+    /// The strokes that look around themselves.
+    looking: Vec<u32>,
+}
+
+/// A stroke with its pieces.
+struct Laid {
+    stroke: Arc<Stroke>,
+    work: Work,
+    shape: Shape,
+    pieces: Vec<Piece<Vec2>>,
+    /// All texels that it may change, in one rectangle; `None` where it changes none.
+    bounds: Option<Rect>,
+}
+
+/// Some pieces of a stroke, moved by whole periods. A stroke that works everywhere has an entry without pieces.
+#[derive(Clone, Copy)]
+struct Entry {
+    stroke: u32,
+    first: u32,
+    end: u32,
+    period: (i8, i8),
+}
+
+/// A stroke that looks around itself, and where that matters.
+struct Look {
+    stroke: usize,
+    /// What must be known before it.
+    before: Rect,
+    /// What of it is needed after it.
+    touched: Rect,
+}
+
+/// Pieces of a stroke that touch one tile are told as one run when no more than this lie between them.
+const GAP: u32 = 32;
+
+impl Laid {
+    fn new(stroke: &Arc<Stroke>, ground: &Ground) -> Self {
+        let brush = stroke.brush();
+        Self {
+            stroke: Arc::clone(stroke),
+            work: Work::of(&brush.tool),
+            shape: ground.shape(brush),
+            pieces: pieces(stroke, ground),
+            bounds: None,
+        }
+    }
+
+    fn looks(&self) -> bool {
+        self.stroke.brush().tool.reach() > 0.0
+    }
+}
+
+/// The rectangle that holds both.
+pub(super) fn hull(a: Rect, b: Rect) -> Rect {
+    let (x, y) = (a.x.min(b.x), a.y.min(b.y));
+    Rect {
+        x,
+        y,
+        width: (a.x + a.width).max(b.x + b.width) - x,
+        height: (a.y + a.height).max(b.y + b.height) - y,
+    }
+}
+
+impl Painting {
+    /// A painting of all strokes of a layer.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`] when `progress`, which is asked now and then, says so.
+    pub fn new(surface: &Surface, strokes: &Strokes, progress: &Progress<'_>) -> Result<Self> {
+        let ground = Ground::new(surface);
+        let size = surface.size;
+        let mut painting = Self {
+            ground,
+            columns: size.width().div_ceil(TILE),
+            strokes: Vec::with_capacity(strokes.strokes.len()),
+            tiles: vec![
+                Vec::new();
+                (size.width().div_ceil(TILE) * size.height().div_ceil(TILE)) as usize
+            ],
+            looking: Vec::new(),
+        };
+        for some in strokes.strokes.chunks(4096) {
+            progress.check()?;
+            let laid: Vec<Laid> = some.par_iter().map(|s| Laid::new(s, &ground)).collect();
+            laid.into_iter().for_each(|l| painting.sort_in(l));
+        }
+        Ok(painting)
+    }
+
+    /// How many strokes.
+    pub fn len(&self) -> usize {
+        self.strokes.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.strokes.is_empty()
+    }
+
+    /// The nth stroke.
+    ///
+    /// # Panics
+    /// When there are not that many.
+    pub fn stroke(&self, n: usize) -> &Arc<Stroke> {
+        &self.strokes[n].stroke
+    }
+
+    /// All texels that the nth stroke may change; `None` where it changes none.
+    ///
+    /// # Panics
+    /// When there are not that many.
+    pub fn bounds(&self, n: usize) -> Option<Rect> {
+        self.strokes[n].bounds
+    }
+
+    /// Adds a stroke at the end.
+    pub fn push(&mut self, stroke: &Arc<Stroke>) {
+        self.sort_in(Laid::new(stroke, &self.ground));
+    }
+
+    /// Takes the last stroke away.
+    pub fn pop(&mut self) -> Option<Arc<Stroke>> {
+        let last = self.strokes.pop()?;
+        let number = self.strokes.len() as u32;
+        if let Some(bounds) = last.bounds {
+            for tile in self.tiles_of(bounds) {
+                let entries = &mut self.tiles[tile];
+                let kept = entries.partition_point(|e| e.stroke < number);
+                entries.truncate(kept);
+            }
+        }
+        if self.looking.last() == Some(&number) {
+            self.looking.pop();
+        }
+        Some(last.stroke)
+    }
+
+    /// The numbers of the tiles that a rectangle meets.
+    fn tiles_of(&self, rect: Rect) -> impl Iterator<Item = usize> + use<> {
+        let columns = self.columns;
+        let across = rect.x / TILE..(rect.x + rect.width).div_ceil(TILE);
+        let down = rect.y / TILE..(rect.y + rect.height).div_ceil(TILE);
+        down.flat_map(move |y| across.clone().map(move |x| (y * columns + x) as usize))
+    }
+
+    fn sort_in(&mut self, mut laid: Laid) {
+        let number = self.strokes.len() as u32;
+        let whole = Rect {
+            x: 0,
+            y: 0,
+            width: self.ground.grid.width,
+            height: self.ground.grid.height,
+        };
+        if laid.stroke.brush().tool.is_everywhere() {
+            laid.bounds = Some(whole);
+            let entry = Entry {
+                stroke: number,
+                first: 0,
+                end: 0,
+                period: (0, 0),
+            };
+            self.tiles.iter_mut().for_each(|t| t.push(entry));
+        }
+        let Self {
+            ground,
+            tiles,
+            columns,
+            ..
+        } = self;
+        for (n, piece) in laid.pieces.iter().enumerate() {
+            ground.rects(piece, &laid.shape, |rect, period| {
+                laid.bounds = Some(laid.bounds.map_or(rect, |b| hull(b, rect)));
+                let entry = Entry {
+                    stroke: number,
+                    first: n as u32,
+                    end: n as u32 + 1,
+                    period,
+                };
+                let stamp = Stamp::new(piece, ground.shift(period));
+                sort_piece(&stamp, &laid.shape, ground, rect, |x, y| {
+                    add_entry(&mut tiles[(y * *columns + x) as usize], entry);
+                });
+            });
+        }
+        if laid.looks() && laid.bounds.is_some() {
+            self.looking.push(number);
+        }
+        self.strokes.push(laid);
+    }
+
+    /// The rectangle that must be known below the layer for `rect` to be painted: larger where a stroke looks around itself.
+    /// Beyond an edge where the map repeats that is the map's whole width or height.
+    pub fn needs(&self, rect: Rect) -> Rect {
+        self.needs_for(0..self.len(), rect)
+    }
+
+    /// The same for a range of strokes, over what those before it left.
+    pub fn needs_for(&self, range: Range<usize>, rect: Rect) -> Rect {
+        self.needed(range, rect).first().map_or(rect, |n| n.before)
+    }
+
+    /// Whether any stroke that looks around itself reaches a rectangle.
+    pub fn looks(&self, rect: Rect) -> bool {
+        self.looking.iter().any(|n| {
+            let bounds = self.strokes[*n as usize].bounds;
+            bounds.is_some_and(|b| b.intersection(rect).is_some())
+        })
+    }
+
+    /// The looking strokes of a range that matter for `rect`, first to last.
+    fn needed(&self, range: Range<usize>, rect: Rect) -> Vec<Look> {
+        let mut needed = rect;
+        let mut found = Vec::new();
+        for n in self.looking.iter().rev().map(|n| *n as usize) {
+            let laid = &self.strokes[n];
+            if !range.contains(&n) {
+                continue;
+            }
+            let Some(touched) = laid.bounds.and_then(|b| b.intersection(needed)) else {
+                continue;
+            };
+            let before = hull(needed, self.kernel(laid).grown(touched));
+            found.push(Look {
+                stroke: n,
+                before,
+                touched,
+            });
+            needed = before;
+        }
+        found.reverse();
+        found
+    }
+
+    fn kernel(&self, laid: &Laid) -> Kernel {
+        Kernel::new(laid.stroke.brush().tool.reach(), &self.ground)
+    }
+
+    /// Paints a range of strokes over what is there. `now` holds the texels before them and gets those after, `coverage` likewise;
+    /// both in the rectangle of `below`, which holds what lies below the layer. What is right afterwards is `rect`; the
+    /// rectangle of the regions is [`Painting::needs`] of it or more.
+    ///
+    /// # Panics
+    /// When the regions are of different rectangles, or do not hold what `rect` needs.
+    pub fn paint(
+        &self,
+        range: Range<usize>,
+        rect: Rect,
+        below: &Region,
+        now: &mut Region,
+        coverage: &mut [f32],
+    ) {
+        let all = below.rect();
+        let looking = self.needed(range.clone(), rect);
+        let first = looking.first().map_or(rect, |n| n.before);
+        assert!(
+            all == now.rect()
+                && coverage.len() == all.texels()
+                && all.intersection(first) == Some(first),
+            "{all:?} must be one rectangle that holds {first:?}"
+        );
+        let mut view = View {
+            rect: all,
+            now: [
+                &mut now.alpha_x,
+                &mut now.alpha_y,
+                &mut now.cos2,
+                &mut now.sin2,
+            ],
+            below: [&below.alpha_x, &below.alpha_y, &below.cos2, &below.sin2],
+            coverage,
+        };
+        let mut done = range.start;
+        for look in looking {
+            self.plain(done..look.stroke, look.before, view.reborrow());
+            self.smooth(&look, &mut view);
+            done = look.stroke + 1;
+        }
+        self.plain(done..range.end, rect, view);
+    }
+
+    /// Strokes that need each texel alone, band by band and tile by tile.
+    fn plain(&self, range: Range<usize>, rect: Rect, view: View<'_>) {
+        if range.is_empty() {
+            return;
+        }
+        let work = |(band, mut view): (Rect, View<'_>), cover: &mut Cover| {
+            for tile in self.tiles_of(band) {
+                self.tile(tile, range.clone(), band, &mut view, cover);
+            }
+        };
+        let bands = view.bands(rect);
+        if bands.len() == 1 {
+            let mut cover = Cover::new(IVec2::ZERO);
+            bands.into_iter().for_each(|b| work(b, &mut cover));
+        } else {
+            bands
+                .into_par_iter()
+                .for_each_init(|| Cover::new(IVec2::ZERO), |cover, band| work(band, cover));
+        }
+    }
+
+    /// The strokes of one tile in the rows of a band.
+    fn tile(
+        &self,
+        tile: usize,
+        range: Range<usize>,
+        band: Rect,
+        view: &mut View<'_>,
+        cover: &mut Cover,
+    ) {
+        let Some(rect) = self.rect_of(tile).intersection(band) else {
+            return;
+        };
+        let entries = &self.tiles[tile];
+        let from = entries.partition_point(|e| (e.stroke as usize) < range.start);
+        let to = entries.partition_point(|e| (e.stroke as usize) < range.end);
+        for run in entries[from..to].chunk_by(|a, b| a.stroke == b.stroke) {
+            let laid = &self.strokes[run[0].stroke as usize];
+            if laid.looks() {
+                continue; // it has its turn in `paint`
+            }
+            self.cover(laid, run, tile, rect, cover);
+            if !cover.is_empty() {
+                let below = view.below();
+                apply(laid.work, cover, rect, view, below);
+            }
+        }
+    }
+
+    fn rect_of(&self, tile: usize) -> Rect {
+        let (x, y) = (tile as u32 % self.columns, tile as u32 / self.columns);
+        Rect {
+            x: x * TILE,
+            y: y * TILE,
+            width: TILE.min(self.ground.grid.width - x * TILE),
+            height: TILE.min(self.ground.grid.height - y * TILE),
+        }
+    }
+
+    /// What a stroke covers in the part `rect` of a tile.
+    fn cover(&self, laid: &Laid, run: &[Entry], tile: usize, rect: Rect, cover: &mut Cover) {
+        let whole = self.rect_of(tile);
+        cover.clear(IVec2::new(whole.x as i32, whole.y as i32));
+        if laid.stroke.brush().tool.is_everywhere() {
+            cover.fill(laid.stroke.brush().flow);
+            return;
+        }
+        for entry in run {
+            let shift = self.ground.shift(entry.period);
+            for piece in &laid.pieces[entry.first as usize..entry.end as usize] {
+                cover.add(piece, shift, &laid.shape, &self.ground.grid, rect);
+            }
+        }
+    }
+
+    /// A stroke that looks around itself: everything it sees is as it was before it.
+    fn smooth(&self, look: &Look, view: &mut View<'_>) {
+        let (n, touched) = (look.stroke, look.touched);
+        let laid = &self.strokes[n];
+        let now = Planes {
+            rect: view.rect,
+            planes: view.now.each_ref().map(|p| &**p),
+        };
+        let mean = self.kernel(laid).mean(touched, &now);
+        let mut cover = Cover::new(IVec2::ZERO);
+        for tile in self.tiles_of(touched) {
+            let (Some(part), entries) =
+                (self.rect_of(tile).intersection(touched), &self.tiles[tile])
+            else {
+                continue;
+            };
+            let from = entries.partition_point(|e| (e.stroke as usize) < n);
+            let to = entries.partition_point(|e| e.stroke as usize <= n);
+            self.cover(laid, &entries[from..to], tile, part, &mut cover);
+            apply(laid.work, &cover, part, view, mean.planes());
+        }
+    }
+}
+
+/// Calls `visit(column, row)` for the tiles of `rect` that a piece may touch: fewer than its box has where it lies aslant.
+fn sort_piece(
+    stamp: &Stamp,
+    shape: &Shape,
+    ground: &Ground,
+    rect: Rect,
+    mut visit: impl FnMut(u32, u32),
+) {
+    let grid = &ground.grid;
+    let reach = stamp.reach(shape) + 0.02 * shape.texel;
+    let right_most = rect.x + rect.width - 1;
+    for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
+        let (top, bottom) = (grid.y(y * TILE), grid.y(y * TILE + TILE - 1));
+        let Some((left, right)) = stamp.span(bottom, top, reach) else {
+            continue;
+        };
+        let column = |x: f32| ((x / grid.texel.x).max(0.0) as u32).clamp(rect.x, right_most) / TILE;
+        // A texel to spare on both sides.
+        for x in column(left - grid.texel.x)..=column(right + grid.texel.x) {
+            visit(x, y);
+        }
+    }
+}
+
+/// Adds a piece to a tile's list: to the last run, when it goes on there.
+fn add_entry(entries: &mut Vec<Entry>, new: Entry) {
+    let ours = entries
+        .iter_mut()
+        .rev()
+        .take_while(|e| e.stroke == new.stroke);
+    let mut same = ours.filter(|e| e.period == new.period);
+    match same.next() {
+        Some(last) if new.first <= last.end + GAP => last.end = new.end,
+        _ => entries.push(new),
+    }
+}

@@ -1,0 +1,677 @@
+use super::*;
+use crate::map::{AnisoMap, DEFAULT_TEXEL, Rect, Region, Size, Texel, Wrap, blend};
+use crate::math::Axis;
+use crate::pattern::Surface;
+use crate::progress::Progress;
+use glam::Vec2;
+use proptest::prelude::*;
+use std::sync::Arc;
+
+const BELOW: Texel = Texel {
+    alpha_x: 0.2,
+    alpha_y: 0.4,
+    axis: Axis {
+        cos2: 0.6,
+        sin2: 0.8,
+    },
+};
+
+fn surface(width: u32, height: u32, wrap: Wrap) -> Surface {
+    Surface {
+        size: Size::new(width, height).unwrap(),
+        aspect: width as f32 / height as f32,
+        wrap,
+        seed: 0,
+    }
+}
+
+fn stroke(brush: &Brush, points: &[(f32, f32, f32)]) -> Arc<Stroke> {
+    let points = points
+        .iter()
+        .map(|(u, v, p)| Point::new(Vec2::new(*u, *v), *p).unwrap());
+    Arc::new(Stroke::new(Arc::new(brush.clone()), 7, points).unwrap())
+}
+
+fn painting(surface: &Surface, strokes: &[Arc<Stroke>]) -> Painting {
+    let strokes = Strokes {
+        strokes: strokes.to_vec(),
+        mesh: None,
+    };
+    Painting::new(surface, &strokes, &Progress::none()).unwrap()
+}
+
+/// What lies below in the tests: not the same anywhere.
+fn ground(size: Size) -> AnisoMap {
+    let mut map = AnisoMap::constant(size, Wrap::Repeat, BELOW);
+    for i in 0..size.texels() {
+        let (x, y) = (
+            (i % size.width() as usize) as f32,
+            (i / size.width() as usize) as f32,
+        );
+        let texel = Texel {
+            alpha_x: 0.1 + 0.001 * (x % 50.0),
+            alpha_y: 0.3 + 0.002 * (y % 30.0),
+            axis: Axis::from_degrees(3.0 * x + 7.0 * y),
+        };
+        map.region_mut().set(i, texel);
+    }
+    map
+}
+
+/// A rectangle of a painted map and its coverage.
+fn painted(painting: &Painting, below: &AnisoMap, rect: Rect) -> (Region, Vec<f32>) {
+    let needs = painting.needs(rect);
+    let under = below.region(needs);
+    let (mut now, mut coverage) = (under.clone(), vec![0.0; needs.texels()]);
+    painting.paint(0..painting.len(), rect, &under, &mut now, &mut coverage);
+    let mut part = Region::constant(rect, DEFAULT_TEXEL);
+    part.copy_from(&now);
+    let covered = (rect.y..rect.y + rect.height)
+        .flat_map(|y| (rect.x..rect.x + rect.width).map(move |x| (x, y)))
+        .map(|(x, y)| coverage[needs.index(x, y)])
+        .collect();
+    (part, covered)
+}
+
+fn whole(surface: &Surface, strokes: &[Arc<Stroke>], below: &AnisoMap) -> (Region, Vec<f32>) {
+    painted(&painting(surface, strokes), below, surface.size.rect())
+}
+
+fn tools() -> Vec<Tool> {
+    vec![
+        Tool::Groove(Groove::default()),
+        Tool::Comb,
+        Tool::Smooth(Smooth { reach: 0.03 }),
+        Tool::Roughen(Roughen {
+            factor: 1.7,
+            keep: Keep::Ratio,
+        }),
+        Tool::Roughen(Roughen {
+            factor: 1.7,
+            keep: Keep::Area,
+        }),
+        Tool::SetAlpha(SetAlpha {
+            alpha_x: Some(0.7),
+            alpha_y: None,
+        }),
+        Tool::SetDirection(SetDirection { angle: 40.0 }),
+        Tool::Erase,
+        Tool::Fill(FillWith {
+            alpha_x: Some(0.2),
+            alpha_y: None,
+            angle: Some(20.0),
+        }),
+        Tool::Scratch(Scratch::default()),
+    ]
+}
+
+fn brush(tool: Tool) -> Brush {
+    Brush {
+        tool,
+        radius: 0.1,
+        ..Brush::default()
+    }
+}
+
+prop_compose! {
+    fn any_brush()(
+        tool in prop::sample::select(tools()),
+        radius in 0.002f32..0.3,
+        hardness in 0.0f32..=1.0,
+        flow in 0.0f32..=1.0,
+        spacing in prop_oneof![Just(0.0f32), 0.1f32..2.0],
+        jitter in 0.0f32..1.0,
+        size in 0.0f32..=1.0,
+        symmetry in prop_oneof![
+            3 => Just(Symmetry::None),
+            1 => Just(Symmetry::MirrorU { at: 0.5 }),
+            1 => Just(Symmetry::MirrorBoth { at: [0.4, 0.7] }),
+            1 => Just(Symmetry::Radial { count: 5, center: [0.5, 0.4] }),
+        ],
+    ) -> Brush {
+        let pressure = Pressure { size, flow: 0.3 };
+        Brush { tool, radius, hardness, flow, spacing, jitter, pressure, symmetry }
+    }
+}
+
+prop_compose! {
+    fn any_stroke()(
+        brush in any_brush(),
+        seed in any::<u32>(),
+        start in (-0.5f32..1.5, -0.5f32..1.5),
+        steps in prop::collection::vec((-0.2f32..0.2, -0.2f32..0.2, 0.0f32..=1.0), 0..8),
+    ) -> Arc<Stroke> {
+        let mut at = Vec2::from(start);
+        let mut points = vec![Point::new(at, 0.7).unwrap()];
+        for (x, y, pressure) in steps {
+            at += Vec2::new(x, y);
+            points.push(Point::new(at, pressure).unwrap());
+        }
+        Arc::new(Stroke::new(Arc::new(brush), seed, points).unwrap())
+    }
+}
+
+fn any_wrap() -> impl Strategy<Value = Wrap> {
+    prop::sample::select(vec![Wrap::Repeat, Wrap::RepeatU, Wrap::Clamp])
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    #[test]
+    fn any_piece_is_what_the_whole_is_there(
+        strokes in prop::collection::vec(any_stroke(), 1..6),
+        wrap in any_wrap(),
+        side in 17u32..100,
+    ) {
+        let surface = surface(150, 110, wrap);
+        let below = ground(surface.size);
+        let painting = painting(&surface, &strokes);
+        let (all, coverage) = painted(&painting, &below, surface.size.rect());
+        for rect in surface.size.rect().tiles(side) {
+            let (part, covered) = painted(&painting, &below, rect);
+            for y in rect.y..rect.y + rect.height {
+                for x in rect.x..rect.x + rect.width {
+                    let (i, j) = (rect.index(x, y), surface.size.rect().index(x, y));
+                    prop_assert_eq!(part.texel(i), all.texel(j), "at ({}, {})", x, y);
+                    prop_assert_eq!(covered[i], coverage[j]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn texels_stay_in_range(strokes in prop::collection::vec(any_stroke(), 1..8), wrap in any_wrap()) {
+        let surface = surface(90, 70, wrap);
+        let (all, coverage) = whole(&surface, &strokes, &ground(surface.size));
+        let planes = [all.alpha_x, all.alpha_y, all.cos2, all.sin2];
+        let (_, mended) = AnisoMap::from_planes(surface.size, wrap, planes).unwrap();
+        prop_assert_eq!((mended.faults(), mended.not_unit), (0, 0));
+        prop_assert!(coverage.iter().all(|c| (0.0..=1.0).contains(c)));
+    }
+
+    #[test]
+    fn strokes_taken_away_were_never_there(strokes in prop::collection::vec(any_stroke(), 2..6), wrap in any_wrap()) {
+        let surface = surface(90, 70, wrap);
+        let below = ground(surface.size);
+        let mut grown = painting(&surface, &strokes[..1]);
+        for stroke in &strokes[1..] {
+            grown.push(stroke);
+        }
+        let rect = surface.size.rect();
+        prop_assert!(painted(&grown, &below, rect) == whole(&surface, &strokes, &below));
+        for _ in &strokes[1..] {
+            grown.pop();
+        }
+        prop_assert!(painted(&grown, &below, rect) == whole(&surface, &strokes[..1], &below));
+    }
+
+    #[test]
+    fn a_layer_writes_what_it_reads(strokes in prop::collection::vec(any_stroke(), 0..9)) {
+        let strokes = Strokes { strokes, mesh: Some("torus".to_owned()) };
+        let text = toml::to_string(&strokes).unwrap();
+        let back: Strokes = toml::from_str(&text).unwrap();
+        prop_assert_eq!(&back, &strokes);
+        prop_assert_eq!(toml::to_string(&back).unwrap(), text);
+    }
+
+    #[test]
+    fn hostile_bytes_are_an_error_or_strokes(bytes in prop::collection::vec(any::<u8>(), 0..60)) {
+        use base64::Engine as _;
+        let packed = base64::engine::general_purpose::STANDARD_NO_PAD.encode(bytes);
+        let text = format!("packed = [\"{packed}\"]\n[[brushes]]\n");
+        if let Ok(strokes) = toml::from_str::<Strokes>(&text) {
+            let surface = surface(40, 30, Wrap::Repeat);
+            whole(&surface, &strokes.strokes, &ground(surface.size));
+        }
+    }
+}
+
+#[test]
+fn a_groove_lies_along_its_stroke() {
+    let surface = surface(128, 128, Wrap::Clamp);
+    let below = AnisoMap::constant(surface.size, Wrap::Clamp, BELOW);
+    let groove = stroke(&brush(Tool::default()), &[(0.2, 0.3, 1.0), (0.8, 0.6, 1.0)]);
+    let (all, coverage) = whole(&surface, &[groove], &below);
+    let middle = all.texel(surface.size.rect().index(64, 70));
+    let want = Axis::from_vector(Vec2::new(0.6, 0.3)).unwrap();
+    assert!(middle.axis.angle_to(want).to_degrees() < 1e-3);
+    assert_eq!((middle.alpha_x, middle.alpha_y), (0.08, 0.35));
+    assert_eq!(coverage[surface.size.rect().index(64, 70)], 1.0);
+    assert_eq!(all.texel(0), BELOW, "to the bit where no stroke reaches");
+}
+
+#[test]
+fn a_curve_turns_without_facets() {
+    let surface = surface(256, 256, Wrap::Clamp);
+    let below = AnisoMap::constant(surface.size, Wrap::Clamp, BELOW);
+    let points: Vec<_> = (0..=48)
+        .map(|i| {
+            let p = Vec2::splat(0.5) + 0.3 * Vec2::from_angle(i as f32 * 0.1);
+            (p.x, p.y, 1.0)
+        })
+        .collect();
+    let (all, coverage) = whole(
+        &surface,
+        &[stroke(&brush(Tool::default()), &points)],
+        &below,
+    );
+    let mut worst = 0.0f32;
+    for i in 0..surface.size.texels() {
+        let p = surface.position((i % 256) as u32, (i / 256) as u32) - 0.5;
+        let angle = p.y.atan2(p.x).rem_euclid(std::f32::consts::TAU);
+        if coverage[i] == 1.0 && (0.2..4.5).contains(&angle) {
+            let tangent = Axis::from_vector(p.perp()).unwrap();
+            worst = worst.max(all.texel(i).axis.angle_to(tangent).to_degrees());
+        }
+    }
+    // The path itself turns by 5.7 degrees at each point.
+    assert!(worst < 0.3, "{worst}");
+}
+
+#[test]
+fn a_stroke_that_crosses_itself_is_no_denser_there() {
+    let surface = surface(128, 128, Wrap::Clamp);
+    let below = AnisoMap::constant(surface.size, Wrap::Clamp, BELOW);
+    let soft = Brush {
+        flow: 0.4,
+        ..brush(Tool::default())
+    };
+    let cross = [
+        (0.2, 0.5, 1.0),
+        (0.9, 0.5, 1.0),
+        (0.9, 0.9, 1.0),
+        (0.5, 0.9, 1.0),
+        (0.5, 0.1, 1.0),
+    ];
+    let (_, coverage) = whole(&surface, &[stroke(&soft, &cross)], &below);
+    let most = coverage.iter().fold(0.0f32, |m, c| m.max(*c));
+    assert!((most - 0.4).abs() < 1e-6, "{most}");
+    let at = |x: u32, y: u32| coverage[surface.size.rect().index(x, y)];
+    assert!((at(64, 64) - at(64, 100)).abs() < 1e-6 && (at(64, 64) - at(30, 64)).abs() < 1e-6);
+}
+
+#[test]
+fn a_thousand_faint_strokes_build_up_to_what_they_should() {
+    let surface = surface(96, 96, Wrap::Clamp);
+    let below = AnisoMap::constant(surface.size, Wrap::Clamp, BELOW);
+    let faint = Brush {
+        flow: 0.001,
+        hardness: 0.0,
+        ..brush(Tool::SetAlpha(SetAlpha {
+            alpha_x: Some(1.0),
+            alpha_y: None,
+        }))
+    };
+    let one = stroke(&faint, &[(0.2, 0.5, 1.0), (0.8, 0.5, 1.0)]);
+    let once = whole(&surface, std::slice::from_ref(&one), &below).1;
+    let (all, coverage) = whole(&surface, &vec![one; 1000], &below);
+    let mut distinct = std::collections::BTreeSet::new();
+    for i in 0..surface.size.texels() {
+        let part = 1.0 - (1.0 - f64::from(once[i])).powi(1000);
+        let want = 0.2 + 0.8 * part;
+        assert!(
+            (f64::from(all.alpha_x[i]) - want).abs() < 2e-5,
+            "{} {want}",
+            all.alpha_x[i]
+        );
+        assert!((f64::from(coverage[i]) - part).abs() < 2e-5);
+        distinct.insert(coverage[i].to_bits());
+    }
+    assert!((all.alpha_x[surface.size.rect().index(48, 48)] - (1.0 - 0.8 * 0.3677)).abs() < 5e-3);
+    assert!(distinct.len() > 150, "bands: {} levels", distinct.len());
+}
+
+#[test]
+fn no_flow_changes_nothing_and_erasing_brings_back_what_lies_below() {
+    let surface = surface(100, 80, Wrap::Repeat);
+    let below = ground(surface.size);
+    let path = [(0.1, 0.2, 1.0), (0.9, 0.8, 0.5), (0.3, 0.9, 1.0)];
+    for tool in tools() {
+        let none = Brush {
+            flow: 0.0,
+            ..brush(tool)
+        };
+        let (all, coverage) = whole(&surface, &[stroke(&none, &path)], &below);
+        assert!(all == below.region(surface.size.rect()), "{}", tool.name());
+        assert!(coverage.iter().all(|c| *c == 0.0));
+        let eraser = Brush {
+            radius: 3.0,
+            hardness: 1.0,
+            ..brush(Tool::Erase)
+        };
+        let strokes = [stroke(&brush(tool), &path), stroke(&eraser, &path)];
+        let (all, coverage) = whole(&surface, &strokes, &below);
+        assert!(all == below.region(surface.size.rect()), "{}", tool.name());
+        assert!(coverage.iter().all(|c| *c == 0.0));
+    }
+}
+
+#[test]
+fn the_first_dab_waits_for_a_direction() {
+    let surface = surface(64, 64, Wrap::Repeat);
+    let below = ground(surface.size);
+    for tool in tools() {
+        let click = stroke(&brush(tool), &[(0.5, 0.5, 1.0)]);
+        let (all, _) = whole(&surface, &[click], &below);
+        let same = all == below.region(surface.size.rect());
+        assert_eq!(
+            same,
+            tool.follows_stroke() || tool == Tool::Erase,
+            "{}",
+            tool.name()
+        );
+    }
+}
+
+#[test]
+fn the_order_of_strokes_matters_and_the_last_wins() {
+    let surface = surface(64, 64, Wrap::Repeat);
+    let below = ground(surface.size);
+    let across = stroke(&brush(Tool::default()), &[(0.1, 0.5, 1.0), (0.9, 0.5, 1.0)]);
+    let up = stroke(&brush(Tool::default()), &[(0.5, 0.1, 1.0), (0.5, 0.9, 1.0)]);
+    let at = |strokes: &[Arc<Stroke>]| {
+        let (all, _) = whole(&surface, strokes, &below);
+        all.texel(surface.size.rect().index(32, 32)).axis.degrees()
+    };
+    assert!((at(&[across.clone(), up.clone()]) - 90.0).abs() < 1e-3);
+    assert!(at(&[up, across]) < 1e-3);
+}
+
+#[test]
+fn strokes_go_on_over_the_edge_where_the_map_repeats() {
+    for (wrap, left, top) in [
+        (Wrap::Repeat, true, true),
+        (Wrap::RepeatU, true, false),
+        (Wrap::Clamp, false, false),
+    ] {
+        let surface = surface(64, 64, wrap);
+        let below = ground(surface.size);
+        let path = stroke(
+            &brush(Tool::default()),
+            &[(0.5, 0.5, 1.0), (1.02, 1.02, 1.0)],
+        );
+        let (_, coverage) = whole(&surface, &[path], &below);
+        let at = |x: u32, y: u32| coverage[surface.size.rect().index(x, y)] > 0.5;
+        assert!(at(63, 0));
+        assert_eq!((at(0, 0), at(63, 63)), (left, top), "{wrap:?}");
+    }
+}
+
+#[test]
+fn a_stroke_moved_by_a_period_is_the_same_stroke() {
+    let surface = surface(64, 64, Wrap::Repeat);
+    let below = ground(surface.size);
+    let path = |by: f32| {
+        let points = [
+            (0.25 + by, 0.5, 1.0),
+            (0.75 + by, 0.625, 1.0),
+            (0.9375 + by, 0.25, 0.5),
+        ];
+        whole(
+            &surface,
+            &[stroke(&brush(Tool::default()), &points)],
+            &below,
+        )
+    };
+    assert!(path(0.0) == path(1.0) && path(0.0) == path(-2.0));
+}
+
+#[test]
+fn mirrored_strokes_are_mirrored_to_the_bit() {
+    let surface = surface(128, 64, Wrap::Clamp);
+    let below = AnisoMap::constant(surface.size, Wrap::Clamp, BELOW);
+    let rect = surface.size.rect();
+    for (symmetry, u, v) in [
+        (Symmetry::MirrorU { at: 0.5 }, true, false),
+        (Symmetry::MirrorV { at: 0.5 }, false, true),
+        (Symmetry::MirrorBoth { at: [0.5; 2] }, true, true),
+    ] {
+        let brush = Brush {
+            symmetry,
+            radius: 0.06,
+            ..brush(Tool::default())
+        };
+        let path = [(0.1, 0.2, 1.0), (0.3, 0.4, 1.0), (0.41, 0.35, 1.0)];
+        let (all, coverage) = whole(&surface, &[stroke(&brush, &path)], &below);
+        for y in 0..64 {
+            for x in 0..128 {
+                let other = rect.index(if u { 127 - x } else { x }, if v { 63 - y } else { y });
+                let i = rect.index(x, y);
+                assert_eq!(coverage[i], coverage[other], "({x}, {y})");
+                if coverage[i] == 1.0 {
+                    let sign = if u == v { 1.0 } else { -1.0 };
+                    assert_eq!(
+                        (all.cos2[i], all.sin2[i]),
+                        (all.cos2[other], sign * all.sin2[other])
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn radial_copies_stand_evenly_around_their_centre() {
+    let surface = surface(101, 101, Wrap::Clamp);
+    let below = AnisoMap::constant(surface.size, Wrap::Clamp, BELOW);
+    let brush = Brush {
+        symmetry: Symmetry::Radial {
+            count: 4,
+            center: [0.5; 2],
+        },
+        radius: 0.05,
+        ..brush(Tool::default())
+    };
+    let (_, coverage) = whole(
+        &surface,
+        &[stroke(&brush, &[(0.6, 0.6, 1.0), (0.8, 0.65, 1.0)])],
+        &below,
+    );
+    let rect = surface.size.rect();
+    for y in 0..101u32 {
+        for x in 0..101 {
+            let turned = rect.index(y, 100 - x);
+            assert!((coverage[rect.index(x, y)] - coverage[turned]).abs() < 1e-3);
+        }
+    }
+}
+
+#[test]
+fn laying_blends_as_the_map_does() {
+    let surface = surface(64, 64, Wrap::Clamp);
+    let below = ground(surface.size);
+    let soft = Brush {
+        hardness: 0.0,
+        flow: 0.7,
+        ..brush(Tool::Groove(Groove {
+            along: 0.05,
+            across: 0.5,
+        }))
+    };
+    let (all, coverage) = whole(
+        &surface,
+        &[stroke(&soft, &[(0.2, 0.5, 1.0), (0.8, 0.5, 1.0)])],
+        &below,
+    );
+    for i in 0..surface.size.texels() {
+        let laid = Texel {
+            alpha_x: 0.05,
+            alpha_y: 0.5,
+            axis: Axis::U,
+        };
+        let want = blend(below.texel_at(i), laid, coverage[i]);
+        let got = all.texel(i);
+        assert!(
+            (got.alpha_x - want.alpha_x).abs() < 1e-6 && (got.alpha_y - want.alpha_y).abs() < 1e-6
+        );
+        let off = (got.axis.double_angle() - want.axis.double_angle()).length();
+        assert!(off < 1e-4, "{off}");
+    }
+}
+
+#[test]
+fn combing_turns_grooves_and_keeps_widths() {
+    let surface = surface(64, 64, Wrap::Clamp);
+    let wide = Texel {
+        alpha_x: 0.5,
+        alpha_y: 0.1,
+        axis: Axis::from_degrees(20.0),
+    };
+    let below = AnisoMap::constant(surface.size, Wrap::Clamp, wide);
+    let path = [(0.2, 0.5, 1.0), (0.8, 0.5, 1.0)];
+    let (all, _) = whole(&surface, &[stroke(&brush(Tool::Comb), &path)], &below);
+    let texel = all.texel(surface.size.rect().index(32, 32));
+    assert_eq!((texel.alpha_x, texel.alpha_y), (0.5, 0.1));
+    assert!(texel.groove().angle_to(Axis::U).to_degrees() < 1e-3);
+    let half = Brush {
+        flow: 0.5,
+        ..brush(Tool::Comb)
+    };
+    let (all, _) = whole(&surface, &[stroke(&half, &path)], &below);
+    // The groove stood at 110 degrees: half of the 70 to 180 are left.
+    let groove = all.texel(surface.size.rect().index(32, 32)).groove();
+    assert!(
+        (groove.degrees() - 145.0).abs() < 1e-2,
+        "{}",
+        groove.degrees()
+    );
+}
+
+#[test]
+fn roughening_keeps_what_it_says() {
+    let surface = surface(32, 32, Wrap::Clamp);
+    let below = AnisoMap::constant(surface.size, Wrap::Clamp, BELOW);
+    for (factor, keep) in [
+        (1.5, Keep::Ratio),
+        (0.01, Keep::Ratio),
+        (100.0, Keep::Ratio),
+        (1.5, Keep::Area),
+        (100.0, Keep::Area),
+        (0.1, Keep::Area),
+    ] {
+        let rough = Brush {
+            radius: 4.0,
+            ..brush(Tool::Roughen(Roughen { factor, keep }))
+        };
+        let (all, _) = whole(&surface, &[stroke(&rough, &[(0.5, 0.5, 1.0)])], &below);
+        let texel = all.texel(500);
+        let (kept, was) = match keep {
+            Keep::Ratio => (texel.ratio(), BELOW.ratio()),
+            Keep::Area => (texel.alpha_x * texel.alpha_y, BELOW.alpha_x * BELOW.alpha_y),
+        };
+        assert!(
+            (kept / was - 1.0).abs() < 1e-4,
+            "{factor} {keep:?}: {kept} {was}"
+        );
+        assert!(texel.alpha_x != BELOW.alpha_x);
+    }
+}
+
+#[test]
+fn smoothing_evens_out_a_step_and_leaves_flat_ground_alone() {
+    let surface = surface(128, 64, Wrap::Clamp);
+    let mut below = AnisoMap::constant(surface.size, Wrap::Clamp, BELOW);
+    for i in 0..surface.size.texels() {
+        if i % 128 >= 64 {
+            let other = Texel {
+                alpha_x: 0.6,
+                alpha_y: 0.4,
+                axis: BELOW.axis,
+            };
+            below.region_mut().set(i, other);
+        }
+    }
+    let smooth = Brush {
+        radius: 0.3,
+        hardness: 1.0,
+        ..brush(Tool::Smooth(Smooth { reach: 0.1 }))
+    };
+    let (all, _) = whole(
+        &surface,
+        &[stroke(&smooth, &[(0.1, 0.5, 1.0), (0.9, 0.5, 1.0)])],
+        &below,
+    );
+    let at = |x: u32| all.alpha_x[surface.size.rect().index(x, 32)];
+    assert!((at(20) - 0.2).abs() < 1e-6 && (at(110) - 0.6).abs() < 1e-6);
+    assert!((at(63) + at(64) - 0.8).abs() < 1e-4);
+    let steepest = (50..78).map(|x| at(x + 1) - at(x)).fold(0.0f32, f32::max);
+    assert!(steepest < 0.08, "{steepest}");
+}
+
+#[test]
+fn scratches_lie_within_their_stroke_and_lean_no_more_than_they_may() {
+    let surface = surface(256, 256, Wrap::Clamp);
+    let below = AnisoMap::constant(surface.size, Wrap::Clamp, BELOW);
+    let scratch = Scratch {
+        spread: 10.0,
+        width: 0.01,
+        ..Scratch::default()
+    };
+    let (all, coverage) = whole(
+        &surface,
+        &[stroke(
+            &brush(Tool::Scratch(scratch)),
+            &[(0.1, 0.5, 1.0), (0.9, 0.5, 1.0)],
+        )],
+        &below,
+    );
+    let mut covered = 0;
+    for i in 0..surface.size.texels() {
+        let p = surface.position((i % 256) as u32, (i / 256) as u32);
+        if coverage[i] > 0.99 {
+            covered += 1;
+            assert!(all.texel(i).axis.angle_to(Axis::U).to_degrees() < 10.1);
+        }
+        assert!(coverage[i] == 0.0 || (p.y - 0.5).abs() < 0.12);
+    }
+    assert!((300..6000).contains(&covered), "{covered}");
+}
+
+#[test]
+fn mistakes_in_packed_strokes_name_what_is_wrong() {
+    let fails = |text: &str, words: &[&str]| {
+        let e = toml::from_str::<Strokes>(text).unwrap_err().to_string();
+        for word in words {
+            assert!(e.contains(word), "no `{word}` in: {e}");
+        }
+    };
+    fails("packed = ['*']", &["base64"]);
+    fails(
+        "packed = ['AAAAAA']",
+        &["number of points is 0", "1 to 100000"],
+    );
+    fails("packed = ['AAAA']", &["ends in the middle"]);
+    fails("packed = ['AAAAAYAgAAA']", &["brush 0", "`brushes`"]);
+    fails("packed = ['AAQAAYAgAAA']", &["the flags", "0 to 3"]);
+    fails("packed = ['//////////////8']", &["has no end"]);
+    fails(
+        "[[brushes]]\nradius = 0.0",
+        &["radius is 0", "0.00001 to 10"],
+    );
+    fails("[[brushes]]\ntool = 'comp'", &["unknown variant"]);
+    fails(
+        "[[brushes]]\n[brushes.tool.groove]\nalong = 7.0",
+        &["tool.groove.along is 7"],
+    );
+    fails("packd = []", &["packd"]);
+}
+
+#[test]
+fn numbers_that_are_none_are_no_points() {
+    assert_eq!(Point::new(Vec2::new(f32::NAN, 0.0), 1.0), None);
+    assert_eq!(Point::new(Vec2::ZERO, f32::INFINITY), None);
+    let far = Point::new(Vec2::splat(1e9), 9.0).unwrap();
+    assert_eq!((far.uv(), far.pressure()), (Vec2::splat(UV_REACH), 1.0));
+    let brush = Arc::new(Brush::default());
+    assert!(Stroke::new(brush.clone(), 0, []).is_err());
+    let broken = Brush {
+        hardness: f32::NAN,
+        ..Brush::default()
+    };
+    assert!(Stroke::new(Arc::new(broken), 0, [far]).is_err());
+    let mut points = MeshPoints::new(1.0);
+    assert!(!points.push(glam::Vec3::NAN, glam::Vec3::Z, 1.0));
+    assert!(!points.push(glam::Vec3::ZERO, glam::Vec3::ZERO, 1.0));
+    assert!(points.is_empty() && Stroke::on_mesh(brush, 0, points).is_err());
+}
