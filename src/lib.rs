@@ -33,4 +33,6 @@ pub mod analyse;
 
 pub mod chart;
 
+pub mod studio;
+
 pub use error::{Error, Result};

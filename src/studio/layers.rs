@@ -1,0 +1,214 @@
+//! What is done to layers, each as one step of the history.
+
+use super::{Edit, Header, LayerHead, Studio};
+use crate::error::{Error, Result};
+use crate::paint::Strokes;
+use crate::recipe::{Channels, Layer, Recipe, Source};
+
+/// A name that no layer of a recipe has: `base`, or `base 2` and so on.
+pub fn free_name(recipe: &Recipe, base: &str) -> String {
+    let is_free = |name: &str| recipe.layers.iter().all(|l| l.name() != name);
+    if is_free(base) {
+        return base.to_owned();
+    }
+    // `strokes 2` gives `strokes 3`, not `strokes 2 2`.
+    let stem = base
+        .trim_end_matches(|c: char| c.is_ascii_digit())
+        .trim_end();
+    let stem = if stem.is_empty() { base } else { stem };
+    (2..)
+        .map(|n| format!("{stem} {n}"))
+        .find(|name| is_free(name))
+        .expect("there are fewer layers than numbers")
+}
+
+impl Studio {
+    /// Puts a layer above the selected one and selects it.
+    ///
+    /// # Errors
+    /// When the recipe has as many layers as it may.
+    pub fn add_layer(&mut self, mut layer: Layer) -> Result<()> {
+        layer.name = free_name(self.recipe(), layer.name());
+        let at = (self.selected() + 1).min(self.recipe().layers.len());
+        let label = format!("Add {}", layer.name());
+        let layer = Box::new(layer);
+        self.edit(&label, vec![Edit::InsertLayer { at, layer }], None)?;
+        self.select(at);
+        Ok(())
+    }
+
+    /// Puts an empty layer of strokes above the selected one.
+    ///
+    /// # Errors
+    /// As [`Studio::add_layer`].
+    pub fn add_paint_layer(&mut self) -> Result<()> {
+        let mut layer = Layer::new(Source::Strokes(Strokes::default()));
+        layer.name = "paint".to_owned();
+        self.add_layer(layer)
+    }
+
+    /// Puts a copy of a layer above it.
+    ///
+    /// # Errors
+    /// When there is no such layer, or no room for one more.
+    pub fn duplicate_layer(&mut self, at: usize) -> Result<()> {
+        let mut layer = self.layer(at)?.clone();
+        let label = format!("Duplicate {}", layer.name());
+        // A layer's randomness follows its name: the copy looks as the original does.
+        layer.seed_of = Some(layer.random_name().to_owned());
+        layer.name = free_name(self.recipe(), layer.name());
+        let layer = Box::new(layer);
+        let at = at + 1;
+        self.edit(&label, vec![Edit::InsertLayer { at, layer }], None)?;
+        self.select(at);
+        Ok(())
+    }
+
+    /// Takes a layer away.
+    ///
+    /// # Errors
+    /// When there is no such layer.
+    pub fn remove_layer(&mut self, at: usize) -> Result<()> {
+        let label = format!("Delete {}", self.layer(at)?.name());
+        self.edit(&label, vec![Edit::RemoveLayer { at }], None)
+    }
+
+    /// Moves a layer to another place; what was selected stays selected.
+    ///
+    /// # Errors
+    /// When there is no such layer or place.
+    pub fn move_layer(&mut self, from: usize, to: usize) -> Result<()> {
+        if from == to {
+            return Ok(());
+        }
+        let label = format!("Move {}", self.layer(from)?.name());
+        let selected = self.selected();
+        self.edit(&label, vec![Edit::MoveLayer { from, to }], None)?;
+        self.select(match selected {
+            s if s == from => to,
+            s if from < s && s <= to => s - 1,
+            s if to <= s && s < from => s + 1,
+            s => s,
+        });
+        Ok(())
+    }
+
+    /// Gives a layer another name.
+    ///
+    /// # Errors
+    /// When there is no such layer, or another one has the name.
+    pub fn rename_layer(&mut self, at: usize, name: &str) -> Result<()> {
+        let layer = self.layer(at)?;
+        if layer.name() == name {
+            return Ok(());
+        }
+        let random = layer.random_name();
+        let head = LayerHead {
+            name: name.to_owned(),
+            // It looks the same under any name.
+            seed_of: (random != name).then(|| random.to_owned()),
+            ..LayerHead::of(layer)
+        };
+        self.set_head(at, "Rename", head)
+    }
+
+    /// Changes what a layer has beside its source. Changes that follow each other with one label are one step until
+    /// [`Studio::seal`].
+    ///
+    /// # Errors
+    /// When there is no such layer, or a number is not allowed.
+    pub fn set_head(&mut self, at: usize, label: &str, head: LayerHead) -> Result<()> {
+        let layer = self.layer(at)?;
+        if LayerHead::of(layer) == head {
+            return Ok(());
+        }
+        let (label, key) = (
+            format!("{label} of {}", layer.name()),
+            format!("{label} {at}"),
+        );
+        let head = Box::new(head);
+        self.edit(&label, vec![Edit::SetHead { at, head }], Some(&key))
+    }
+
+    /// Changes a layer's source. Changes that follow each other with one label are one step until [`Studio::seal`].
+    ///
+    /// # Errors
+    /// When there is no such layer, or a number is not allowed.
+    pub fn set_source(&mut self, at: usize, label: &str, source: Source) -> Result<()> {
+        let layer = self.layer(at)?;
+        if layer.source == source {
+            return Ok(());
+        }
+        let (text, key) = (
+            format!("{label} of {}", layer.name()),
+            format!("{label} {at}"),
+        );
+        let layer = Box::new(Layer {
+            // A layer without a name of its own is named after its source.
+            name: layer.name().to_owned(),
+            source,
+            ..layer.clone()
+        });
+        self.edit(&text, vec![Edit::SetLayer { at, layer }], Some(&key))
+    }
+
+    /// Changes what the recipe has beside its layers.
+    ///
+    /// # Errors
+    /// When a number or word is not allowed.
+    pub fn set_header(&mut self, label: &str, header: Header) -> Result<()> {
+        if Header::of(self.recipe()) == header {
+            return Ok(());
+        }
+        let header = Box::new(header);
+        self.edit(label, vec![Edit::SetHeader { header }], Some(label))
+    }
+
+    /// Makes one layer of strokes of a layer of strokes and the one below it.
+    ///
+    /// # Errors
+    /// When either holds no strokes, or shows otherwise than whole: then the result would look different.
+    pub fn merge_down(&mut self, at: usize) -> Result<()> {
+        let upper = self.layer(at)?;
+        let lower = self.layer(at.wrapping_sub(1))?;
+        let strokes = |layer: &Layer| match &layer.source {
+            Source::Strokes(strokes) if is_plain(layer) => Ok(strokes.clone()),
+            _ => {
+                let allowed = "allowed: two layers of strokes, each fully opaque, without a mask, on all channels";
+                let name = format!("`{}`", layer.name());
+                Err(Error::invalid("a layer to merge", name, allowed)
+                    .with_hint("Anything else would not look the same afterwards"))
+            }
+        };
+        let (mut both, above) = (strokes(lower)?, strokes(upper)?);
+        let label = format!("Merge {} into {}", upper.name(), lower.name());
+        both.strokes.extend(above.strokes);
+        let layer = Box::new(Layer {
+            source: Source::Strokes(both),
+            ..lower.clone()
+        });
+        let edits = vec![
+            Edit::RemoveLayer { at },
+            Edit::SetLayer { at: at - 1, layer },
+        ];
+        self.edit(&label, edits, None)?;
+        self.select(at - 1);
+        Ok(())
+    }
+
+    fn layer(&self, at: usize) -> Result<&Layer> {
+        self.recipe().layers.get(at).ok_or_else(|| {
+            let n = self.recipe().layers.len();
+            Error::invalid(
+                "the layer",
+                at,
+                format!("allowed: one of the {n} there are, counted from 0"),
+            )
+        })
+    }
+}
+
+/// Whether a layer shows its source as it is.
+fn is_plain(layer: &Layer) -> bool {
+    layer.visible && layer.opacity == 1.0 && layer.mask.is_none() && layer.channels == Channels::ALL
+}

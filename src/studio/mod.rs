@@ -1,0 +1,790 @@
+//! The window's mind without a window: the document, its edits with undo and journal, the composite map with its caches, the 3D
+//! picture, and what is worked out in the background. It knows no toolkit; the window turns events into calls of [`Studio`], and so
+//! do benches and tests.
+//!
+//! Everything that somebody waits for (a dab, a stroke's end, undo of a stroke) is done at once, and only where it shows.
+//! Everything that needs the whole map (a pattern's parameter, another size, a mesh from a file) is worked out by a thread of its
+//! own from a copy of the recipe, and taken over by [`Studio::tick`] when it is there; meanwhile the old map stands.
+
+mod canvas;
+mod document;
+mod edit;
+mod history;
+mod journal;
+mod layers;
+mod viewport;
+
+pub use document::Document;
+pub use edit::{Edit, Header, LayerHead, Touched};
+pub use history::{History, Step};
+pub use journal::{Base, Journal, LeftBehind, left_behind};
+pub use layers::free_name;
+pub use viewport::{Quality, Show, Viewport};
+
+use crate::error::{Error, Result};
+use crate::filter::Pyramid;
+use crate::map::{AnisoMap, DEFAULT_TEXEL, Rect, Size, Wrap};
+use crate::mesh::{self, Mesh};
+use crate::paint::{Brush, Point};
+use crate::preview::{Prepared, Scene, Timings};
+use crate::progress::Progress;
+use crate::raster::Geometry;
+use crate::recipe::{self, Recipe, RecipeFile, Source};
+use canvas::Canvas;
+use glam::Vec3;
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// The mesh of a recipe that names none.
+pub const DEFAULT_MESH: &str = "torus";
+
+/// What a studio needs from its surroundings.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The folder of journals; `None` keeps none.
+    pub journals: Option<PathBuf>,
+    /// Bytes that undo may hold.
+    pub undo_bytes: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            journals: None,
+            undo_bytes: 256 << 20,
+        }
+    }
+}
+
+/// What [`Studio::tick`] found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tick {
+    /// Rectangles of the map that changed.
+    pub map: Vec<Rect>,
+    /// Whether the map is another one altogether, perhaps of another size.
+    pub new_map: bool,
+    /// Whether the whole 3D picture is new.
+    pub picture: bool,
+    /// How far the work in the background is, 0 to 1; `None` when there is none.
+    pub working: Option<f32>,
+}
+
+/// A document with everything that shows it.
+pub struct Studio {
+    options: Options,
+    document: Document,
+    history: History,
+    journal: Option<Journal>,
+    canvas: Canvas,
+    /// Mesh, composite map and colours. Shared with nobody but the thread that refines the picture.
+    subject: Arc<Prepared<'static>>,
+    scene: Scene,
+    viewport: Viewport,
+    timings: Timings,
+    job: Option<Job>,
+    /// What the canvas and the subject show.
+    shown: Shown,
+    /// The only layer that is shown, when the user wants to see it alone.
+    solo: Option<usize>,
+    /// The layer that is painted on and whose properties are shown.
+    selected: usize,
+    dirty: Vec<Rect>,
+    new_map: bool,
+    trouble: Vec<Error>,
+}
+
+/// What was last worked out in the background.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Shown {
+    revision: Option<u64>,
+    mesh: Option<String>,
+}
+
+/// Work in the background.
+struct Job {
+    thread: Option<JoinHandle<()>>,
+    stop: Arc<AtomicBool>,
+    /// Thousandths.
+    done: Arc<AtomicU32>,
+    result: Receiver<Result<Made>>,
+    revision: u64,
+    mesh: String,
+}
+
+/// What it gives.
+struct Made {
+    stack: recipe::Prepared,
+    pyramid: Pyramid<'static>,
+    /// A mesh other than the one that stands.
+    geometry: Option<Geometry<'static>>,
+}
+
+impl Drop for Job {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join(); // nobody wants its result
+        }
+    }
+}
+
+impl Studio {
+    /// A studio that shows a recipe. Its map is worked out in the background: see [`Studio::tick`].
+    ///
+    /// # Errors
+    /// When the recipe's first picture cannot be prepared. A journal that cannot be begun is told by [`Studio::take_trouble`]
+    /// instead: it must not keep anybody from working.
+    pub fn new(file: RecipeFile, path: Option<PathBuf>, options: Options) -> Result<Self> {
+        let document = Document::new(file, path);
+        let stand_in = AnisoMap::constant(Size::new(1, 1)?, Wrap::Repeat, DEFAULT_TEXEL);
+        let timings = Timings::on();
+        let mesh = mesh::builtin(DEFAULT_MESH).expect("a built-in mesh");
+        let subject = Prepared::new(mesh, stand_in, document.recipe().material, &timings)?;
+        let empty = Recipe {
+            size: Size::new(1, 1)?,
+            ..Recipe::default()
+        };
+        let stack = empty.prepare(empty.size, &document.files(), &Progress::none())?;
+        let mut studio = Self {
+            history: History::new(options.undo_bytes),
+            journal: None,
+            canvas: Canvas::new(stack),
+            scene: scene_of(document.recipe(), subject.mesh()),
+            subject: Arc::new(subject),
+            viewport: Viewport::new(Size::new(1, 1)?),
+            timings,
+            job: None,
+            shown: Shown::default(),
+            solo: None,
+            selected: document.recipe().layers.len().saturating_sub(1),
+            dirty: Vec::new(),
+            new_map: false,
+            trouble: Vec::new(),
+            document,
+            options,
+        };
+        studio.begin_journal();
+        studio.work();
+        Ok(studio)
+    }
+
+    /// The work of a journal that was left behind, as a document with unsaved changes. Edits that no longer apply end what is
+    /// recovered; how many were is given too.
+    ///
+    /// # Errors
+    /// When the document that the journal starts from cannot be read.
+    pub fn recover(left: LeftBehind, options: Options) -> Result<(Self, usize)> {
+        let document = Document::from_base(&left.base)?;
+        let text = document.text()?;
+        let folder = left.base.path.as_deref().and_then(Path::parent);
+        let name = left
+            .base
+            .path
+            .clone()
+            .unwrap_or_else(|| left.base.title.clone().into());
+        let file = RecipeFile::parse(&text, name, folder.map(Path::to_owned))?;
+        let mut studio = Self::new(file, left.base.path.clone(), options)?;
+        let mut recovered = 0;
+        for edit in &left.edits {
+            match studio.edit("Recovered work", vec![edit.clone()], None) {
+                Ok(()) => recovered += 1,
+                Err(error) => {
+                    studio.trouble.push(error);
+                    break;
+                }
+            }
+        }
+        left.discard();
+        Ok((studio, recovered))
+    }
+
+    /// The document.
+    pub fn document(&self) -> &Document {
+        &self.document
+    }
+
+    /// The recipe as it is now.
+    pub fn recipe(&self) -> &Recipe {
+        self.document.recipe()
+    }
+
+    /// What can be undone and redone.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// The composite map as it is shown: that of the recipe, or while work goes on in the background an older one.
+    pub fn map(&self) -> &AnisoMap {
+        self.subject.map()
+    }
+
+    /// The mesh as it is shown.
+    pub fn mesh(&self) -> &Mesh {
+        self.subject.mesh()
+    }
+
+    /// Mesh, map and colours as they are drawn.
+    pub fn subject(&self) -> &Arc<Prepared<'static>> {
+        &self.subject
+    }
+
+    /// The 3D picture.
+    pub fn viewport(&self) -> &Viewport {
+        &self.viewport
+    }
+
+    /// The 3D picture, to be resized or to show something else.
+    pub fn viewport_mut(&mut self) -> &mut Viewport {
+        &mut self.viewport
+    }
+
+    /// How long the stages of drawing took, summed since the start.
+    pub fn timings(&self) -> &Timings {
+        &self.timings
+    }
+
+    /// Camera, lights, exposure: what the 3D picture is lit with.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Changes camera, lights or exposure; no matter of the document, so nothing to undo.
+    pub fn set_scene(&mut self, scene: Scene) {
+        self.scene = scene;
+    }
+
+    /// Looks at the mesh as at the start.
+    pub fn frame_all(&mut self) {
+        self.scene.camera = scene_of(self.document.recipe(), self.subject.mesh()).camera;
+    }
+
+    /// The selected layer's place, counted from the lowest; past the end when there is none.
+    pub fn selected(&self) -> usize {
+        self.selected
+    }
+
+    /// Selects a layer.
+    pub fn select(&mut self, layer: usize) {
+        if layer < self.recipe().layers.len() {
+            self.selected = layer;
+        }
+    }
+
+    /// The only layer that is shown.
+    pub fn solo(&self) -> Option<usize> {
+        self.solo
+    }
+
+    /// Shows one layer alone, or all again. No matter of the document.
+    pub fn set_solo(&mut self, layer: Option<usize>) {
+        if self.solo != layer {
+            self.cancel_stroke();
+            self.solo = layer;
+            self.work();
+        }
+    }
+
+    /// The recipe as it is shown: with one layer alone where the user wants that.
+    fn shown_recipe(&self) -> Cow<'_, Recipe> {
+        let recipe = self.document.recipe();
+        let Some(solo) = self.solo else {
+            return Cow::Borrowed(recipe);
+        };
+        let mut recipe = recipe.clone();
+        for (i, layer) in recipe.layers.iter_mut().enumerate() {
+            layer.visible = i == solo;
+        }
+        Cow::Owned(recipe)
+    }
+
+    /// What went wrong since the last call and was not the answer to one: a full disk under the journal, a picture that could
+    /// not be drawn, a file that is not there.
+    pub fn take_trouble(&mut self) -> Vec<Error> {
+        std::mem::take(&mut self.trouble)
+    }
+
+    /// Makes edits as one step of the history. Steps with the same `key` that follow each other, as those of a slider that is
+    /// dragged, are one step until [`Studio::seal`].
+    ///
+    /// # Errors
+    /// As [`Edit::apply`]; then nothing has changed.
+    pub fn edit(&mut self, label: &str, edits: Vec<Edit>, key: Option<&str>) -> Result<()> {
+        self.cancel_stroke();
+        let (back, touched) = self.apply_all(edits)?;
+        self.history
+            .push(Step::new(label, back, key.map(str::to_owned)));
+        self.follow(touched);
+        Ok(())
+    }
+
+    /// Ends a run of steps with one key.
+    pub fn seal(&mut self) {
+        self.history.seal();
+    }
+
+    /// Takes the last step back; `false` when there is none.
+    ///
+    /// # Errors
+    /// When the document is read-only.
+    pub fn undo(&mut self) -> Result<bool> {
+        self.cancel_stroke();
+        let Some(step) = self.history.take_undo() else {
+            return Ok(false);
+        };
+        let (back, touched) = self.apply_all(step.edits)?;
+        self.history.push_redo(Step::new(step.label, back, None));
+        self.follow(touched);
+        Ok(true)
+    }
+
+    /// Does the last step again that was taken back; `false` when there is none.
+    ///
+    /// # Errors
+    /// When the document is read-only.
+    pub fn redo(&mut self) -> Result<bool> {
+        self.cancel_stroke();
+        let Some(step) = self.history.take_redo() else {
+            return Ok(false);
+        };
+        let (back, touched) = self.apply_all(step.edits)?;
+        self.history.push_undo(Step::new(step.label, back, None));
+        self.follow(touched);
+        Ok(true)
+    }
+
+    /// Applies edits to the document and writes them to the journal; what takes them back is given in its own order.
+    fn apply_all(&mut self, edits: Vec<Edit>) -> Result<(Vec<Edit>, Vec<Touched>)> {
+        let (mut back, mut touched) = (Vec::new(), Vec::new());
+        for edit in edits {
+            let copy = self.journal.is_some().then(|| edit.clone());
+            match self.document.apply(edit) {
+                Ok((inverse, what)) => {
+                    back.insert(0, inverse);
+                    touched.push(what);
+                    if let Some(edit) = copy {
+                        self.write_journal(&edit);
+                    }
+                }
+                Err(error) => {
+                    for edit in back {
+                        let copy = edit.clone();
+                        if self.document.apply(edit).is_ok() {
+                            self.write_journal(&copy);
+                        }
+                    }
+                    return Err(error);
+                }
+            }
+        }
+        Ok((back, touched))
+    }
+
+    fn write_journal(&mut self, edit: &Edit) {
+        if let Some(Err(error)) = self.journal.as_mut().map(|j| j.write(edit)) {
+            // Edits after a gap could not be recovered: try to begin anew from the document as it is.
+            self.trouble.push(error);
+            self.journal = None;
+            self.begin_journal();
+        }
+    }
+
+    fn begin_journal(&mut self) {
+        let Some(folder) = &self.options.journals else {
+            return;
+        };
+        match self
+            .document
+            .base()
+            .and_then(|base| Journal::begin(folder, &base))
+        {
+            Ok(journal) => {
+                if let Some(old) = self.journal.replace(journal) {
+                    old.end();
+                }
+            }
+            Err(error) => self.trouble.push(error),
+        }
+    }
+
+    /// Brings what is shown up to date with edits that were just made, or has it brought.
+    fn follow(&mut self, touched: Vec<Touched>) {
+        let layers = self.recipe().layers.len();
+        if touched.contains(&Touched::Map) {
+            self.solo = self.solo.filter(|s| *s < layers);
+        }
+        self.selected = self.selected.min(layers.saturating_sub(1));
+        for what in touched {
+            match what {
+                Touched::Nothing => {}
+                Touched::Scene => self.follow_scene(),
+                Touched::Strokes(layer) => self.follow_strokes(layer),
+                Touched::Map => self.shown.revision = None,
+            }
+        }
+        if self.shown.revision.is_none() {
+            self.work();
+        } else if self.job.is_none() {
+            self.shown.revision = Some(self.document.revision());
+        }
+    }
+
+    fn follow_scene(&mut self) {
+        let material = self.recipe().material;
+        let trouble = self.subject_mut().set_material(material).err();
+        self.trouble.extend(trouble);
+        let lit = scene_of(self.document.recipe(), self.subject.mesh());
+        self.scene.lights = lit.lights;
+        self.scene.exposure = lit.exposure;
+        if self.shown.mesh.as_deref() != Some(self.mesh_name()) {
+            self.shown.revision = None;
+        }
+    }
+
+    fn mesh_name(&self) -> &str {
+        self.recipe().mesh.as_deref().unwrap_or(DEFAULT_MESH)
+    }
+
+    /// The subject, to be changed: waits until nobody draws it.
+    fn subject_mut(&mut self) -> &mut Prepared<'static> {
+        self.viewport.stop_refining();
+        Arc::get_mut(&mut self.subject)
+            .expect("only the refining thread shares it, and it has ended")
+    }
+
+    /// Begins to work out the map of the recipe as it is now; what was being worked out is not wanted any more.
+    fn work(&mut self) {
+        self.shown.revision = None;
+        self.job = None; // stops it
+        let (send, result) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
+        let done = Arc::new(AtomicU32::new(0));
+        let recipe = self.shown_recipe().into_owned();
+        let files = self.document.files();
+        let mesh = self.mesh_name().to_owned();
+        let new_mesh = (self.shown.mesh.as_ref() != Some(&mesh)).then(|| mesh.clone());
+        let before = self.canvas.stack().clone();
+        let thread = std::thread::Builder::new().name("map".to_owned()).spawn({
+            let (stop, done) = (stop.clone(), done.clone());
+            move || {
+                let report = |now: u64, all: u64| {
+                    let part = 1000.0 * now as f64 / all.max(1) as f64;
+                    done.store(part as u32, Ordering::Relaxed);
+                    !stop.load(Ordering::Relaxed)
+                };
+                let made = make(
+                    &recipe,
+                    &files,
+                    &before,
+                    new_mesh.as_deref(),
+                    &Progress::new(&report),
+                );
+                let _ = send.send(made); // nobody may be there any more
+            }
+        });
+        match thread {
+            Ok(thread) => {
+                self.job = Some(Job {
+                    thread: Some(thread),
+                    stop,
+                    done,
+                    result,
+                    revision: self.document.revision(),
+                    mesh,
+                });
+            }
+            Err(e) => self.trouble.push(Error::write("a new thread")(e)),
+        }
+    }
+
+    /// Takes over what the background has finished. To be called once a frame; costs nothing when there is nothing.
+    pub fn tick(&mut self) -> Tick {
+        let finished = self.job.as_ref().map(|job| match job.result.try_recv() {
+            Ok(made) => Some(made),
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Disconnected) => Some(Err(Error::Cancelled)),
+        });
+        if let Some(Some(made)) = finished {
+            self.take_over(made);
+        }
+        let picture = match self.viewport.take_better() {
+            Ok(new) => new,
+            Err(error) => {
+                self.trouble.push(error);
+                false
+            }
+        };
+        Tick {
+            map: std::mem::take(&mut self.dirty),
+            new_map: std::mem::take(&mut self.new_map),
+            picture,
+            working: self
+                .job
+                .as_ref()
+                .map(|job| job.done.load(Ordering::Relaxed) as f32 / 1000.0),
+        }
+    }
+
+    fn take_over(&mut self, made: Result<Made>) {
+        let Some(job) = self.job.take() else { return };
+        if job.revision != self.document.revision() {
+            return self.work(); // edited meanwhile
+        }
+        match made {
+            Ok(made) => {
+                let moved = made.geometry.is_some();
+                let subject = self.subject_mut();
+                subject.set_map(made.pyramid);
+                if let Some(geometry) = made.geometry {
+                    subject.set_mesh(geometry);
+                }
+                self.canvas = Canvas::new(made.stack);
+                if moved {
+                    self.scene = scene_of(self.document.recipe(), self.subject.mesh());
+                }
+                self.shown = Shown {
+                    revision: Some(job.revision),
+                    mesh: Some(job.mesh.clone()),
+                };
+                self.dirty.clear();
+                self.new_map = true;
+            }
+            Err(Error::Cancelled) => {}
+            Err(error) => {
+                // The map that stands stays; the next edit tries again.
+                self.shown.revision = Some(job.revision);
+                self.trouble.push(error);
+            }
+        }
+    }
+
+    /// Waits until nothing is worked on in the background, the refining of the picture left out.
+    pub fn settle(&mut self) -> Tick {
+        let mut all = Tick::default();
+        loop {
+            let tick = self.tick();
+            all.map.extend(tick.map);
+            all.new_map |= tick.new_map;
+            all.picture |= tick.picture;
+            if self.job.is_none() {
+                return all;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Draws the 3D picture where it changed, or all of it; gives the rectangles of pixels that are new.
+    ///
+    /// # Errors
+    /// When the scene holds numbers that are not allowed.
+    pub fn draw(&mut self, moves: bool) -> Result<Vec<Rect>> {
+        let dirty = self
+            .viewport
+            .draw(&self.subject, &self.scene, moves, &self.timings)?;
+        Ok(dirty)
+    }
+
+    /// Has the picture drawn better in the background.
+    pub fn refine(&mut self) {
+        if self.job.is_none() {
+            self.viewport.refine(&self.subject);
+        }
+    }
+
+    /// Begins a stroke on the selected layer, which must hold strokes.
+    ///
+    /// # Errors
+    /// When the layer holds no strokes or is not shown, the brush does not check, or the document is read-only.
+    pub fn begin_stroke(&mut self, brush: Arc<Brush>, seed: u32) -> Result<()> {
+        self.cancel_stroke();
+        brush.check()?;
+        self.activate()?;
+        self.canvas.begin(brush, seed);
+        Ok(())
+    }
+
+    /// Lets the stroke in flight go on to a point of UV.
+    pub fn stroke_to(&mut self, point: Point) {
+        let dirty = self.canvas.go_on(point);
+        self.repaint(dirty);
+    }
+
+    /// Ends the stroke in flight: it is a step of the history now. `false` when it painted nothing, as a groove without a
+    /// direction.
+    ///
+    /// # Errors
+    /// When the layer takes no more strokes; the stroke is then gone.
+    pub fn end_stroke(&mut self) -> Result<bool> {
+        let Some(stroke) = self.canvas.end() else {
+            self.cancel_stroke();
+            return Ok(false);
+        };
+        let layer = self.canvas.active().expect("it was painted on");
+        let label = format!("{} stroke", stroke.brush().tool.name().replace('_', " "));
+        let edit = Edit::AddStroke { layer, stroke };
+        match self.apply_all(vec![edit]) {
+            Ok((back, _)) => {
+                self.history.push(Step::new(label, back, None));
+                if self.job.is_none() && self.shown.revision.is_some() {
+                    self.shown.revision = Some(self.document.revision());
+                }
+                Ok(true)
+            }
+            Err(error) => {
+                if let Some(rect) = self.canvas.pop() {
+                    self.repaint(vec![rect]);
+                }
+                Err(error)
+            }
+        }
+    }
+
+    /// Takes the stroke in flight away.
+    pub fn cancel_stroke(&mut self) {
+        let dirty = self.canvas.cancel();
+        self.repaint(dirty.into_iter().collect());
+    }
+
+    /// How much of each texel of the map the selected layer's strokes have touched, 0 to 1; `None` for a layer without strokes.
+    pub fn coverage(&mut self) -> Option<Vec<f32>> {
+        self.activate().ok()?;
+        let whole = self.map().size().rect();
+        self.canvas.coverage(whole)
+    }
+
+    /// Bytes that map, caches and history hold, about.
+    pub fn bytes(&self) -> usize {
+        let texels = self.map().size().texels();
+        // Planes, the same side by side, and a third of the levels' 24 bytes.
+        texels * (16 + 16 + 8) + self.canvas.bytes() + self.history.bytes()
+    }
+
+    /// Makes the selected layer the one that is painted on.
+    fn activate(&mut self) -> Result<()> {
+        let at = self.selected;
+        if self.canvas.active() == Some(at) {
+            return Ok(());
+        }
+        let recipe = self.shown_recipe().into_owned();
+        let Some(Source::Strokes(strokes)) = recipe.layers.get(at).map(|l| &l.source) else {
+            let value = recipe.layers.get(at).map_or("no layer", |l| l.name());
+            let allowed = "allowed: a layer of strokes";
+            return Err(
+                Error::invalid("the layer to paint on", format!("`{value}`"), allowed)
+                    .with_hint("Add a paint layer"),
+            );
+        };
+        if !recipe.layers[at].visible {
+            let name = recipe.layers[at].name();
+            let allowed = "allowed: a layer that is shown";
+            return Err(
+                Error::invalid("the layer to paint on", format!("`{name}`"), allowed)
+                    .with_hint("Show it first"),
+            );
+        }
+        // While the map of another recipe is being worked out the canvas is of the size that is shown.
+        let size = self.canvas.stack().size();
+        let files = self.document.files();
+        let stack = recipe.prepare_after(self.canvas.stack(), size, &files, &Progress::none())?;
+        self.canvas
+            .activate(stack, (at, strokes), self.options.undo_bytes)
+    }
+
+    /// The strokes of a layer are one more or less than the canvas shows.
+    fn follow_strokes(&mut self, layer: usize) {
+        let Some(Source::Strokes(strokes)) = self.recipe().layers.get(layer).map(|l| &l.source)
+        else {
+            return;
+        };
+        if self.canvas.active() != Some(layer) {
+            self.shown.revision = None;
+            return;
+        }
+        let (now, shown) = (strokes.strokes.len(), self.canvas.strokes());
+        let last = strokes.strokes.last().cloned();
+        let rect = match last {
+            _ if now + 1 == shown => self.canvas.pop(),
+            Some(last) if now == shown + 1 => self.canvas.push(&last),
+            _ => {
+                self.shown.revision = None;
+                None
+            }
+        };
+        self.repaint(rect.into_iter().collect());
+    }
+
+    /// Brings rectangles of the composite map up to date with the canvas.
+    fn repaint(&mut self, dirty: Vec<Rect>) {
+        for rect in dirty {
+            let region = self.canvas.compose(rect);
+            self.subject_mut()
+                .change_map(rect, |map| map.write_region(&region));
+            self.dirty.push(rect);
+        }
+    }
+
+    /// Saves to a file, which is the document's own from now on.
+    ///
+    /// # Errors
+    /// As [`Document::save`]; the work is kept.
+    pub fn save(&mut self, path: &Path) -> Result<()> {
+        self.document.save(path)?;
+        self.begin_journal();
+        Ok(())
+    }
+
+    /// Ends without anything left to recover: for a document that was saved, or whose changes are not wanted.
+    pub fn close(mut self) {
+        if let Some(journal) = self.journal.take() {
+            journal.end();
+        }
+    }
+}
+
+/// The map of a recipe, with what is kept of the stack before where layers are the same.
+fn make(
+    recipe: &Recipe,
+    files: &recipe::Files,
+    before: &recipe::Prepared,
+    mesh: Option<&str>,
+    progress: &Progress<'_>,
+) -> Result<Made> {
+    let geometry = match mesh {
+        Some(word) => Some(Geometry::new(open_mesh(word, files)?)?),
+        None => None,
+    };
+    let stack = recipe.prepare_after(before, recipe.size, files, progress)?;
+    let map = stack.map(progress)?;
+    progress.check()?;
+    Ok(Made {
+        stack,
+        pyramid: Pyramid::new(map),
+        geometry,
+    })
+}
+
+/// The mesh that a recipe names.
+fn open_mesh(word: &str, files: &recipe::Files) -> Result<Mesh> {
+    match mesh::builtin(word) {
+        Some(mesh) => Ok(mesh),
+        None => mesh::load(&files.resolve("mesh", word)?),
+    }
+}
+
+/// The scene of a recipe on a mesh.
+fn scene_of(recipe: &Recipe, mesh: &Mesh) -> Scene {
+    let mut scene = Scene::for_mesh(mesh);
+    if !recipe.scene.lights.is_empty() {
+        let lights: Vec<Vec3> = recipe.scene.lights.iter().map(|l| Vec3::from(*l)).collect();
+        scene.set_directions(&lights);
+    }
+    scene.exposure = recipe.scene.exposure;
+    scene
+}
+
+#[cfg(test)]
+mod tests;

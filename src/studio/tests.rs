@@ -1,0 +1,354 @@
+//! The studio without a window: what it shows is always what `generate` makes of its recipe.
+
+use super::*;
+use crate::map::Region;
+use crate::paint::{Groove, Smooth, Tool};
+use crate::pattern::Pattern;
+use crate::recipe::{LAYERS_MAX, Layer, Mask, MaskSource};
+use glam::Vec2;
+
+const RECIPE: &str = "version = 1\nname = 'painted'\nsize = [320, 200]\naspect = 1.6\nseed = 5\n\
+    [[layers]] # the base\nname = 'steel'\n[layers.brushed]\nangle = 20\n\
+    [[layers]]\nname = 'paint'\nopacity = 0.8\n[layers.strokes]\npacked = []\nbrushes = []\n\
+    [[layers]]\nname = 'rings'\nopacity = 0.5\nmask.polygon = [[0, 0], [0.6, 0], [0.6, 1], [0, 1]]\n[layers.radial]\n";
+
+fn studio_of(text: &str) -> Studio {
+    let file = RecipeFile::parse(text, "painted.toml", None).unwrap();
+    let mut studio = Studio::new(file, None, Options::default()).unwrap();
+    studio.settle();
+    assert!(studio.take_trouble().is_empty());
+    studio
+}
+
+fn painted() -> Studio {
+    let mut studio = studio_of(RECIPE);
+    studio.select(1);
+    studio
+}
+
+fn brush(tool: Tool, radius: f32) -> Arc<Brush> {
+    Arc::new(Brush {
+        tool,
+        radius,
+        ..Brush::default()
+    })
+}
+
+fn stroke(studio: &mut Studio, brush: Arc<Brush>, points: &[[f32; 2]]) {
+    studio.begin_stroke(brush, 7).unwrap();
+    for p in points {
+        studio.stroke_to(Point::new(Vec2::from(*p), 1.0).unwrap());
+    }
+    assert!(studio.end_stroke().unwrap());
+}
+
+fn some_strokes(studio: &mut Studio) {
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    stroke(
+        studio,
+        groove.clone(),
+        &[[0.1, 0.2], [0.5, 0.4], [0.9, 0.1], [1.2, 0.3]],
+    );
+    stroke(studio, groove, &[[0.3, 0.9], [0.35, 0.5], [0.3, 0.1]]);
+    let smooth = brush(Tool::Smooth(Smooth { reach: 0.02 }), 0.1);
+    stroke(studio, smooth, &[[0.2, 0.2], [0.6, 0.5]]);
+    let erase = brush(Tool::Erase, 0.05);
+    stroke(studio, erase, &[[0.3, 0.6], [0.4, 0.3]]);
+}
+
+/// What `generate` makes of the document as it would be saved.
+fn generated(studio: &Studio) -> AnisoMap {
+    let text = studio.document().text().unwrap();
+    let file = RecipeFile::parse(&text, "saved.toml", None).unwrap();
+    let recipe = file.recipe();
+    let prepared = recipe
+        .prepare(recipe.size, &file.files(false), &Progress::none())
+        .unwrap();
+    prepared.map(&Progress::none()).unwrap()
+}
+
+#[track_caller]
+fn assert_shows_its_recipe(studio: &Studio) {
+    assert!(
+        *studio.map() == generated(studio),
+        "the map is not that of the recipe"
+    );
+}
+
+#[test]
+fn what_is_painted_is_what_is_generated() {
+    let mut studio = painted();
+    assert_shows_its_recipe(&studio);
+    some_strokes(&mut studio);
+    assert_shows_its_recipe(&studio);
+    assert!(studio.document().is_changed());
+    assert!(studio.document().text().unwrap().contains("# the base"));
+    assert_eq!(studio.history().len(), (4, 0));
+}
+
+#[test]
+fn undo_and_redo_are_exact_with_and_without_kept_tiles() {
+    for undo_bytes in [256 << 20, 0] {
+        let mut studio = painted();
+        studio.options.undo_bytes = undo_bytes;
+        let mut maps = vec![studio.map().clone()];
+        let groove = brush(Tool::Groove(Groove::default()), 0.06);
+        for x in [0.1, 0.4, 0.7] {
+            stroke(&mut studio, groove.clone(), &[[x, 0.2], [x + 0.2, 0.8]]);
+            maps.push(studio.map().clone());
+        }
+        for map in maps[..3].iter().rev() {
+            assert!(studio.undo().unwrap());
+            assert!(studio.map() == map);
+        }
+        assert!(!studio.undo().unwrap());
+        for map in &maps[1..] {
+            assert!(studio.redo().unwrap());
+            assert!(studio.map() == map);
+        }
+        assert!(!studio.redo().unwrap());
+        assert_shows_its_recipe(&studio);
+    }
+}
+
+#[test]
+fn a_cancelled_stroke_and_one_without_a_direction_leave_nothing() {
+    let mut studio = painted();
+    let before = studio.map().clone();
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    studio.begin_stroke(groove.clone(), 1).unwrap();
+    for x in [0.2, 0.5, 0.7] {
+        studio.stroke_to(Point::new(Vec2::splat(x), 1.0).unwrap());
+    }
+    assert!(*studio.map() != before);
+    studio.cancel_stroke();
+    assert!(*studio.map() == before);
+    studio.begin_stroke(groove, 1).unwrap();
+    studio.stroke_to(Point::new(Vec2::splat(0.5), 1.0).unwrap());
+    assert!(!studio.end_stroke().unwrap());
+    assert!(*studio.map() == before);
+    assert!(!studio.document().is_changed());
+}
+
+#[test]
+fn layers_are_edited_and_everything_is_undone() {
+    let mut studio = painted();
+    some_strokes(&mut studio);
+    let before = studio.recipe().clone();
+    studio.duplicate_layer(1).unwrap();
+    assert_eq!(studio.recipe().layers[2].name(), "paint 2");
+    studio.rename_layer(0, "iron").unwrap();
+    studio.move_layer(0, 3).unwrap();
+    let head = LayerHead {
+        opacity: 0.3,
+        ..LayerHead::of(&studio.recipe().layers[1])
+    };
+    studio.set_head(1, "Opacity", head).unwrap();
+    studio.seal();
+    studio.remove_layer(2).unwrap();
+    studio.add_paint_layer().unwrap();
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+    while studio.history().len().0 > 4 {
+        studio.undo().unwrap();
+    }
+    assert_eq!(*studio.recipe(), before);
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+    while studio.redo().unwrap() {}
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+}
+
+#[test]
+fn a_dragged_slider_is_one_step() {
+    let mut studio = painted();
+    for i in 1..=10 {
+        let head = LayerHead {
+            opacity: i as f32 / 20.0,
+            ..LayerHead::of(&studio.recipe().layers[0])
+        };
+        studio.set_head(0, "Opacity", head).unwrap();
+    }
+    assert_eq!(studio.history().len(), (1, 0));
+    studio.undo().unwrap();
+    assert_eq!(studio.recipe().layers[0].opacity, 1.0);
+    studio.redo().unwrap();
+    assert_eq!(studio.recipe().layers[0].opacity, 0.5);
+}
+
+#[test]
+fn merged_strokes_look_the_same() {
+    let mut studio = studio_of(&RECIPE.replace("opacity = 0.8\n", ""));
+    studio.select(1);
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    stroke(&mut studio, groove.clone(), &[[0.1, 0.2], [0.5, 0.4]]);
+    studio.add_paint_layer().unwrap();
+    stroke(&mut studio, groove, &[[0.4, 0.2], [0.2, 0.5]]);
+    studio.settle();
+    let before = studio.map().clone();
+    studio.merge_down(2).unwrap();
+    studio.settle();
+    assert!(*studio.map() == before);
+    assert!(
+        studio
+            .merge_down(1)
+            .unwrap_err()
+            .to_string()
+            .contains("`steel`")
+    );
+}
+
+#[test]
+fn refused_edits_change_nothing() {
+    let mut studio = painted();
+    let before = studio.recipe().clone();
+    let head = LayerHead {
+        opacity: 7.0,
+        ..LayerHead::of(&before.layers[0])
+    };
+    assert!(studio.set_head(0, "Opacity", head).is_err());
+    assert!(studio.remove_layer(9).is_err());
+    assert!(studio.rename_layer(0, "paint").is_err(), "there is one");
+    studio.select(0);
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    let error = studio.begin_stroke(groove, 1).unwrap_err().to_string();
+    assert!(
+        error.contains("`steel`") && error.contains("Add a paint layer"),
+        "{error}"
+    );
+    let constant = || Layer::new(Source::Pattern(Pattern::Constant(Default::default())));
+    while studio.recipe().layers.len() < LAYERS_MAX {
+        studio.add_layer(constant()).unwrap();
+    }
+    assert!(studio.add_layer(constant()).is_err());
+    while studio.undo().unwrap() {}
+    assert_eq!(*studio.recipe(), before);
+    assert!(studio.take_trouble().is_empty());
+}
+
+#[test]
+fn work_is_recovered_from_the_journal_to_the_last_stroke() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = Options {
+        journals: Some(folder.path().to_owned()),
+        ..Options::default()
+    };
+    let file = RecipeFile::parse(RECIPE, "painted.toml", None).unwrap();
+    let mut studio = Studio::new(file, None, options.clone()).unwrap();
+    studio.settle();
+    studio.select(1);
+    some_strokes(&mut studio);
+    studio.undo().unwrap();
+    let mask = Mask::new(MaskSource::Polygon(vec![
+        Vec2::ZERO,
+        Vec2::new(0.3, 0.1),
+        Vec2::new(0.1, 1.0 / 3.0),
+    ]));
+    let head = LayerHead {
+        opacity: 0.1,
+        mask: Some(mask),
+        ..LayerHead::of(&studio.recipe().layers[0])
+    };
+    studio.set_head(0, "Opacity", head).unwrap();
+    let recipe = studio.recipe().clone();
+    drop(studio); // as a kill would, nothing said
+    let (mut found, errors) = left_behind(folder.path());
+    assert!(errors.is_empty() && found.len() == 1);
+    let (mut studio, edits) = Studio::recover(found.remove(0), options).unwrap();
+    assert_eq!((edits, studio.recipe()), (6, &recipe));
+    assert!(studio.document().is_changed());
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+    let path = folder.path().join("saved.toml");
+    studio.save(&path).unwrap();
+    assert!(!studio.document().is_changed());
+    assert_eq!(RecipeFile::read(&path).unwrap().recipe(), studio.recipe());
+    studio.close();
+    assert!(left_behind(folder.path()).0.is_empty());
+}
+
+#[test]
+fn a_folder_that_takes_no_file_keeps_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut studio = painted();
+    some_strokes(&mut studio);
+    let recipe = studio.recipe().clone();
+    let error = studio
+        .save(&folder.path().join("missing/a.toml"))
+        .unwrap_err();
+    assert_eq!(error.exit_code(), 3, "{error}");
+    assert!(studio.document().is_changed() && *studio.recipe() == recipe);
+    let blocked = Options {
+        journals: Some(folder.path().join("file")),
+        ..Options::default()
+    };
+    std::fs::write(folder.path().join("file"), "x").unwrap();
+    let file = RecipeFile::parse(RECIPE, "painted.toml", None).unwrap();
+    let mut studio = Studio::new(file, None, blocked).unwrap();
+    assert_eq!(studio.take_trouble().len(), 1, "told, and no more");
+    studio.settle();
+    studio.select(1);
+    some_strokes(&mut studio);
+    assert_shows_its_recipe(&studio);
+}
+
+#[test]
+fn a_newer_file_is_looked_at_only() {
+    let mut studio = studio_of(&RECIPE.replace("version = 1", "version = 99\nfrobnicate = 3"));
+    assert!(studio.document().is_read_only());
+    assert_eq!(studio.document().ignored(), ["frobnicate"]);
+    studio.select(1);
+    assert!(studio.remove_layer(0).is_err());
+    assert!(!studio.document().is_changed());
+}
+
+#[test]
+fn what_is_dirty_is_all_that_changed() {
+    let mut studio = painted();
+    let before = studio.map().clone();
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    stroke(&mut studio, groove, &[[0.9, 0.2], [1.1, 0.4]]);
+    let tick = studio.tick();
+    assert!(!tick.map.is_empty() && !tick.new_map);
+    let mut restored = studio.map().clone();
+    for rect in tick.map {
+        let region: Region = before.region(rect);
+        restored.write_region(&region);
+    }
+    assert!(restored == before);
+}
+
+#[test]
+fn the_picture_follows_the_brush_and_ends_as_the_reference() {
+    let mut studio = painted();
+    let size = Size::new(96, 64).unwrap();
+    studio.viewport_mut().resize(size);
+    assert_eq!(studio.draw(false).unwrap(), [size.rect()]);
+    assert!(studio.draw(false).unwrap().is_empty(), "nothing changed");
+    let groove = brush(Tool::Groove(Groove::default()), 0.1);
+    stroke(&mut studio, groove, &[[0.1, 0.6], [0.9, 0.6]]);
+    assert!(!studio.draw(false).unwrap().is_empty());
+    let hurried = studio.viewport().pixels().to_vec();
+    studio.refine();
+    while !studio.viewport().quality().is_reference {
+        studio.tick();
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_ne!(studio.viewport().pixels(), hurried);
+    let subject = crate::preview::Subject {
+        mesh: studio.mesh(),
+        map: studio.map(),
+        material: &studio.recipe().material,
+    };
+    let looks = studio.viewport().show().looks();
+    let none = Progress::none();
+    let samples = crate::preview::REFERENCE_SAMPLES;
+    let reference =
+        crate::preview::render_reference(subject, studio.scene(), &looks, size, samples, &none);
+    assert_eq!(studio.viewport().pixels(), reference.unwrap()[0].to_srgb8());
+    studio.draw(true).unwrap();
+    assert_eq!(studio.viewport().quality().samples, 0);
+    studio.draw(false).unwrap();
+    assert_eq!(studio.viewport().pixels(), hurried);
+}
