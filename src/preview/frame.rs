@@ -22,7 +22,7 @@ use fearless_simd_macros::simd;
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// Samples of a picture whose visibility is kept: five bytes each. Larger ones are drawn whole every time.
+/// Samples of a picture whose visibility is kept: six bytes each. Larger ones are drawn whole every time.
 const KEPT_MAX: u64 = 1 << 26;
 
 /// What [`Frame::draw`] had to do.
@@ -540,12 +540,11 @@ fn keep_pixels(fragments: &mut Fragments, tile: Rect, samples: u32, is_wanted: &
     }
     let width = (tile.width / samples) as usize;
     let mut wanted = vec![false; width * (tile.height / samples) as usize];
-    let mut pixels = Vec::with_capacity(fragments.len());
-    let samples = samples as u16;
-    for span in fragments.spans() {
-        let row = usize::from(span.row / samples) * width;
-        pixels.extend((0..span.count).map(|i| row + usize::from((span.column + i) / samples)));
-    }
+    let pixel = |t: u8| usize::from(t) / samples as usize;
+    let places = fragments.columns().iter().zip(fragments.rows());
+    let pixels: Vec<usize> = places
+        .map(|(column, row)| pixel(*row) * width + pixel(*column))
+        .collect();
     for (&pixel, is_wanted) in pixels.iter().zip(is_wanted) {
         wanted[pixel] |= is_wanted;
     }

@@ -20,7 +20,7 @@ use crate::brdf::kernel::{self, Batch};
 use crate::filter::Pyramid;
 use crate::map::Rect;
 use crate::math;
-use crate::raster::{Depths, Fragments, Span, Tile};
+use crate::raster::{Depths, Fragments, Tile};
 use fearless_simd::dispatch;
 use glam::Vec3;
 
@@ -157,7 +157,6 @@ impl<'a> Shader<'a> {
             sums.clear();
             sums.resize(rect.texels(), ([0.0; 3], 0));
         }
-        let mut spans = Spans::new(fragments.spans());
         for start in (0..fragments.len()).step_by(CHUNK) {
             let given = Given {
                 lanes: fragments.lanes(),
@@ -167,13 +166,15 @@ impl<'a> Shader<'a> {
             };
             self.light(given, chunk, timings);
             timings.time(Stage::Gather, || {
-                spans.next(given.count, |span, first| {
-                    if several {
-                        self.add(span, first, rect.width, chunk, sums);
-                    } else {
-                        self.write(span, first, chunk, lines);
-                    }
-                });
+                let places = (
+                    &fragments.columns()[start..][..given.count],
+                    &fragments.rows()[start..][..given.count],
+                );
+                if several {
+                    self.add(places, rect.width, chunk, sums);
+                } else {
+                    self.write(places, chunk, lines);
+                }
             });
         }
         if several {
@@ -215,31 +216,30 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// One sample a pixel: its light is the pixel. The span's first fragment is number `first` of the chunk.
-    fn write(&self, span: Span, first: usize, chunk: &Chunk, lines: &mut Lines<'_>) {
-        let n = usize::from(span.count);
-        let line = &mut lines[usize::from(span.row)][usize::from(span.column)..][..n];
-        let [r, g, b] = chunk.radiance.each_ref().map(|c| &c[first..][..n]);
-        for i in 0..n {
-            line[i] = [r[i] * self.gain, g[i] * self.gain, b[i] * self.gain];
+    /// One sample a pixel: its light is the pixel. The places are those of the chunk's fragments.
+    fn write(&self, (columns, rows): (&[u8], &[u8]), chunk: &Chunk, lines: &mut Lines<'_>) {
+        let n = columns.len();
+        let [r, g, b] = chunk.radiance.each_ref().map(|c| &c[..n]);
+        for (i, (column, row)) in columns.iter().zip(rows).enumerate() {
+            lines[usize::from(*row)][usize::from(*column)] =
+                [r[i] * self.gain, g[i] * self.gain, b[i] * self.gain];
         }
     }
 
     /// Several samples a pixel: their light is added up.
     fn add(
         &self,
-        span: Span,
-        first: usize,
+        (columns, rows): (&[u8], &[u8]),
         width: u32,
         chunk: &Chunk,
         sums: &mut [([f32; 3], u32)],
     ) {
         let samples = self.scene.samples;
-        let row = u32::from(span.row) / samples * width;
-        for (i, column) in (0..usize::from(span.count)).zip(u32::from(span.column)..) {
-            let (light, count) = &mut sums[(row + column / samples) as usize];
+        for (i, (column, row)) in columns.iter().zip(rows).enumerate() {
+            let pixel = u32::from(*row) / samples * width + u32::from(*column) / samples;
+            let (light, count) = &mut sums[pixel as usize];
             for c in 0..3 {
-                light[c] += chunk.radiance[c][first + i];
+                light[c] += chunk.radiance[c][i];
             }
             *count += 1;
         }
@@ -337,53 +337,6 @@ impl<'a> Shader<'a> {
         );
         let seen_only = !self.scene.quality.widening;
         dispatch!(level, simd => packed::gather(simd, chunk, n, colours, seen_only));
-    }
-}
-
-/// The spans of a tile's fragments, cut where chunks end.
-struct Spans<'a> {
-    rest: &'a [Span],
-    /// What is left of the span that a chunk's end has cut.
-    cut: Option<Span>,
-}
-
-impl<'a> Spans<'a> {
-    fn new(spans: &'a [Span]) -> Self {
-        Self {
-            rest: spans,
-            cut: None,
-        }
-    }
-
-    /// Gives the spans of the next `count` fragments to `use_span`, each with its place among those.
-    fn next(&mut self, count: usize, mut use_span: impl FnMut(Span, usize)) {
-        let mut first = 0;
-        while first < count {
-            let span = match self.cut.take() {
-                Some(span) => span,
-                None => {
-                    let (span, rest) = self.rest.split_first().expect("a span for each fragment");
-                    self.rest = rest;
-                    *span
-                }
-            };
-            let fits = usize::from(span.count).min(count - first) as u16;
-            if fits < span.count {
-                self.cut = Some(Span {
-                    column: span.column + fits,
-                    count: span.count - fits,
-                    ..span
-                });
-            }
-            use_span(
-                Span {
-                    count: fits,
-                    ..span
-                },
-                first,
-            );
-            first += usize::from(fits);
-        }
     }
 }
 

@@ -2,6 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, f32x8};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -85,13 +87,17 @@ impl Row {
 
     /// A weighted sum.
     #[inline(always)]
-    pub(super) fn mix(rows: [&Self; 3], weights: [f64; 3]) -> Self {
-        let w = weights.map(|w| w as f32);
+    pub(super) fn mix<S: Simd>(simd: S, rows: [&Self; 3], weights: [f64; 3]) -> Self {
+        let [a, b, c] = rows;
         let mut row = [0.0; 8];
-        for i in 0..8 {
-            row[i] = rows[0].0[i] * w[0] + rows[1].0[i] * w[1] + rows[2].0[i] * w[2];
-        }
+        (a.times(simd, weights[0]) + b.times(simd, weights[1]) + c.times(simd, weights[2]))
+            .store_slice(&mut row);
         Self(row)
+    }
+
+    #[inline(always)]
+    fn times<S: Simd>(&self, simd: S, weight: f64) -> f32x8<S> {
+        f32x8::from_slice(simd, &self.0) * weight as f32
     }
 }
 

@@ -21,7 +21,8 @@ mod visibility;
 pub use camera::{Camera, Projection, Rays, View};
 pub use exact::Exact;
 pub use geometry::Geometry;
-pub use resolve::{Fragments, Lane, Lanes, Span};
+pub use resolve::{Fragments, Lane, Lanes};
+use visibility::Drawn;
 pub use visibility::{Bins, Corners, Depths, Plan};
 
 use crate::error::Result;
@@ -49,6 +50,8 @@ pub struct Tile {
     pub rect: Rect,
     /// The triangle that each sample sees, in rows of [`visibility::STRIDE`]; empty where nothing is near.
     seen: Vec<u32>,
+    /// The triangles that were drawn and may be seen, each once, in the mesh's order.
+    drawn: Vec<Drawn>,
 }
 
 impl Default for Tile {
@@ -62,6 +65,7 @@ impl Default for Tile {
                 height: 0,
             },
             seen: Vec::new(),
+            drawn: Vec::new(),
         }
     }
 }
@@ -72,13 +76,29 @@ impl Tile {
         let empty = |rect| Self {
             rect,
             seen: Vec::new(),
+            drawn: Vec::new(),
         };
         window.tiles(TILE).map(empty).collect()
     }
 
     /// Draws into the memory of another from now on.
     pub fn take_memory(&mut self, other: Self) {
-        self.seen = other.seen;
+        (self.seen, self.drawn) = (other.seen, other.drawn);
+    }
+
+    /// Sees nothing from now on.
+    fn clear(&mut self) {
+        self.seen.clear();
+        self.drawn.clear();
+    }
+
+    /// Keeps in mind only those triangles that some sample sees.
+    fn forget_hidden(&mut self) {
+        let mut seen: Vec<u32> = self.rows().flatten().copied().collect();
+        seen.sort_unstable();
+        seen.dedup();
+        self.drawn
+            .retain(|d| seen.binary_search(&d.triangle).is_ok());
     }
 
     /// Whether no triangle comes near.
@@ -96,6 +116,7 @@ impl Tile {
         let width = self.rect.width as usize;
         self.seen
             .chunks(visibility::STRIDE)
+            .take(self.rect.height as usize)
             .map(move |row| &row[..width])
     }
 
@@ -134,7 +155,7 @@ impl PartialEq for Tile {
     }
 }
 
-/// What every sample of a window sees, tile by tile. Five bytes a sample, so it can be kept from picture to picture.
+/// What every sample of a window sees, tile by tile. Six bytes a sample, so it can be kept from picture to picture.
 #[derive(Clone, Debug)]
 pub struct GBuffer {
     corners: Corners,

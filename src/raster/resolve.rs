@@ -1,25 +1,28 @@
 //! Attributes of what is seen, with their exact change from sample to sample.
 //!
 //! Over a triangle each attribute is N(x, y)/q(x, y), both linear over the samples, with q = 1/w. A [`Plane`] holds the
-//! numerators of a triangle, and a run of samples that see it takes sixteen at a time of each number. Normals and tangents
+//! numerators of a triangle, and the samples of a tile that see it take sixteen at a time of each number. Normals and tangents
 //! stay numerators, since only their direction counts; positions are left to be found from q. Triangles that are thinner than
 //! their rounding, or reach behind the eye, take the careful way in f64 instead.
 
 use super::camera::{Rays, View};
 use super::geometry::{Geometry, Row, outward};
-use super::visibility::{Corner, Corners, NOTHING, STRIDE};
+use super::visibility::{Corner, Corners, Drawn, STRIDE};
 use super::{TILE, Tile};
 use crate::math;
 use crate::mesh::Mesh;
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, dispatch, f32x16, u8x16, u32x16};
 use fearless_simd_macros::simd;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 use std::ops::Range;
 
 /// Samples whose numbers are written at once.
 const WIDE: usize = 16;
+/// Fragments there is room for.
+const ROOM: usize = (TILE * TILE) as usize + WIDE;
 /// One number of every fragment of a tile; what lies behind the last is rubbish.
-pub type Lane = [f32; (TILE * TILE) as usize + WIDE];
+pub type Lane = [f32; ROOM];
 
 /// The numbers of fragments, each in an array of its own.
 ///
@@ -76,22 +79,17 @@ impl Lanes {
     }
 }
 
-/// Neighbours in a row that all see something.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Span {
-    /// The first's column in its tile.
-    pub column: u16,
-    /// Row in the tile.
-    pub row: u16,
-    /// How many.
-    pub count: u16,
+/// Column and row in the tile of each fragment.
+struct Places {
+    columns: [u8; ROOM],
+    rows: [u8; ROOM],
 }
 
-/// The fragments of a tile: one for each sample that sees something, in row order.
+/// The fragments of a tile: one for each sample that sees something, triangle by triangle in the mesh's order.
 pub struct Fragments {
     count: usize,
-    spans: Vec<Span>,
     rays: Rays,
+    places: Box<Places>,
     lanes: Box<Lanes>,
 }
 
@@ -104,11 +102,14 @@ impl Default for Fragments {
 impl Fragments {
     /// Room for a tile.
     pub fn new() -> Self {
-        const ZERO: Lane = [0.0; (TILE * TILE) as usize + WIDE];
+        const ZERO: Lane = [0.0; ROOM];
         Self {
             count: 0,
-            spans: Vec::new(),
             rays: Rays::default(),
+            places: Box::new(Places {
+                columns: [0; ROOM],
+                rows: [0; ROOM],
+            }),
             lanes: Box::new(Lanes {
                 column: ZERO,
                 row: ZERO,
@@ -135,9 +136,14 @@ impl Fragments {
         self.count == 0
     }
 
-    /// Where they are.
-    pub fn spans(&self) -> &[Span] {
-        &self.spans
+    /// The column in the tile of each.
+    pub fn columns(&self) -> &[u8] {
+        &self.places.columns[..self.count]
+    }
+
+    /// The row in the tile of each.
+    pub fn rows(&self) -> &[u8] {
+        &self.places.rows[..self.count]
     }
 
     /// Their numbers.
@@ -210,21 +216,17 @@ impl Fragments {
 
     /// Leaves out the fragments of which `is_kept` says no; it is asked in order, each once.
     pub fn keep(&mut self, mut is_kept: impl FnMut(usize) -> bool) {
-        let mut spans = Vec::with_capacity(self.spans.len());
-        let (mut from, mut to) = (0, 0);
-        for span in &self.spans {
-            for column in span.column..span.column + span.count {
-                if is_kept(from) {
-                    join(&mut spans, column.into(), span.row.into(), 1);
-                    if to < from {
-                        self.lanes.each(|lane| lane[to] = lane[from]);
-                    }
-                    to += 1;
+        let mut to = 0;
+        for from in 0..self.count {
+            if is_kept(from) {
+                if to < from {
+                    self.places.columns[to] = self.places.columns[from];
+                    self.places.rows[to] = self.places.rows[from];
+                    self.lanes.each(|lane| lane[to] = lane[from]);
                 }
-                from += 1;
+                to += 1;
             }
         }
-        self.spans = spans;
         self.count = to;
     }
 
@@ -332,7 +334,12 @@ struct Plane {
 impl Plane {
     /// `None` for a triangle that must be taken carefully. With it whether the corners wind counter-clockwise as seen.
     #[inline(always)]
-    fn new(corners: [&Corner; 3], rows: [&Row; 3], perspective: bool) -> Option<(Self, bool)> {
+    fn new<S: Simd>(
+        simd: S,
+        corners: [&Corner; 3],
+        rows: [&Row; 3],
+        perspective: bool,
+    ) -> Option<(Self, bool)> {
         let at = corners.map(|c| c.at);
         let sides = [at[2] - at[1], at[0] - at[2], at[1] - at[0]];
         let twice = sides[2].perp_dot(-sides[1]);
@@ -373,9 +380,9 @@ impl Plane {
         let plane = Self {
             from,
             rows: Linear {
-                at: Row::mix(rows, weights(at)),
-                dx: Row::mix(rows, weights(dx)),
-                dy: Row::mix(rows, weights(dy)),
+                at: Row::mix(simd, rows, weights(at)),
+                dx: Row::mix(simd, rows, weights(dx)),
+                dy: Row::mix(simd, rows, weights(dy)),
             },
             q: Linear {
                 at: sum(at),
@@ -393,52 +400,75 @@ impl Plane {
         Some((plane, twice < 0.0))
     }
 
-    /// Neighbours in a row, from a sample on.
+    /// A run of fragments of a tile whose first sample is `corner`.
     #[inline(always)]
-    fn fill(&self, run: Range<usize>, (column, row): (i32, i32), changes: bool, out: &mut Lanes) {
-        let y = (row - self.from[1]) as f32;
-        let mut base = [0.0; 8];
-        for k in 0..8 {
-            base[k] = self.rows.at.0[k] + self.rows.dy.0[k] * y;
-        }
-        let q = self.q.at + self.q.dy * y;
-        let dx = &self.rows.dx.0;
-        let mut start = run.start;
-        while start < run.end {
-            let first = (column + (start - run.start) as i32 - self.from[0]) as f32;
-            let mut x = [0.0; WIDE];
-            for j in 0..WIDE {
-                x[j] = first + j as f32;
-            }
-            let line = |lane: &mut Lane, base: f32, dx: f32| {
-                let lane = &mut lane[start..start + WIDE];
-                for j in 0..WIDE {
-                    lane[j] = base + dx * x[j];
-                }
-            };
-            line(&mut out.column, self.from[0] as f32, 1.0);
-            line(&mut out.q, q, self.q.dx);
-            line(&mut out.normal[0], base[0], dx[0]);
-            line(&mut out.normal[1], base[1], dx[1]);
-            line(&mut out.normal[2], base[2], dx[2]);
-            line(&mut out.uv[0], base[3], dx[3]);
-            line(&mut out.tangent[0], base[4], dx[4]);
-            line(&mut out.tangent[1], base[5], dx[5]);
-            line(&mut out.tangent[2], base[6], dx[6]);
-            line(&mut out.uv[1], base[7], dx[7]);
+    fn fill<S: Simd>(
+        &self,
+        simd: S,
+        run: Range<usize>,
+        corner: [i32; 2],
+        places: &Places,
+        changes: bool,
+        out: &mut Lanes,
+    ) {
+        let offset = [0, 1].map(|k| (corner[k] - self.from[k]) as f32);
+        let corner = corner.map(|c| c as f32);
+        for start in run.step_by(WIDE) {
+            let column = numbers(simd, &places.columns[start..start + WIDE]);
+            let row = numbers(simd, &places.rows[start..start + WIDE]);
+            (column + corner[0]).store_slice(&mut out.column[start..start + WIDE]);
+            (row + corner[1]).store_slice(&mut out.row[start..start + WIDE]);
+            let place = [column + offset[0], row + offset[1]];
+            self.q.fill(place, &mut out.q, start);
+            let rows = &self.rows;
+            rows.attribute(0).fill(place, &mut out.normal[0], start);
+            rows.attribute(1).fill(place, &mut out.normal[1], start);
+            rows.attribute(2).fill(place, &mut out.normal[2], start);
+            rows.attribute(3).fill(place, &mut out.uv[0], start);
+            rows.attribute(4).fill(place, &mut out.tangent[0], start);
+            rows.attribute(5).fill(place, &mut out.tangent[1], start);
+            rows.attribute(6).fill(place, &mut out.tangent[2], start);
+            rows.attribute(7).fill(place, &mut out.uv[1], start);
             if changes {
-                for (k, d) in [&self.rows.dx.0, &self.rows.dy.0].into_iter().enumerate() {
-                    splat(&mut out.normal_change[k][0], start, d[0]);
-                    splat(&mut out.normal_change[k][1], start, d[1]);
-                    splat(&mut out.normal_change[k][2], start, d[2]);
-                    splat(&mut out.uv_change[k][0], start, d[3]);
-                    splat(&mut out.uv_change[k][1], start, d[7]);
+                for (k, d) in [&self.rows.dx, &self.rows.dy].into_iter().enumerate() {
+                    splat(&mut out.normal_change[k][0], start, d.0[0]);
+                    splat(&mut out.normal_change[k][1], start, d.0[1]);
+                    splat(&mut out.normal_change[k][2], start, d.0[2]);
+                    splat(&mut out.uv_change[k][0], start, d.0[3]);
+                    splat(&mut out.uv_change[k][1], start, d.0[7]);
                     splat(&mut out.q_change[k], start, self.q_change[k]);
                 }
             }
-            start += WIDE;
         }
     }
+}
+
+impl Linear<Row> {
+    #[inline(always)]
+    fn attribute(&self, k: usize) -> Linear<f32> {
+        Linear {
+            at: self.at.0[k],
+            dx: self.dx.0[k],
+            dy: self.dy.0[k],
+        }
+    }
+}
+
+impl Linear<f32> {
+    #[inline(always)]
+    fn fill<S: Simd>(&self, [x, y]: [f32x16<S>; 2], lane: &mut Lane, start: usize) {
+        let at = (y * self.dy + self.at) + x * self.dx;
+        at.store_slice(&mut lane[start..start + WIDE]);
+    }
+}
+
+#[inline(always)]
+fn numbers<S: Simd>(simd: S, bytes: &[u8]) -> f32x16<S> {
+    let mut wide = [0u32; WIDE];
+    for j in 0..WIDE {
+        wide[j] = u32::from(bytes[j]);
+    }
+    u32x16::from_slice(simd, &wide).to_float()
 }
 
 /// Whether no weighted mean of the corners' normals can come near zero: all within a right angle of their sum.
@@ -468,7 +498,7 @@ struct Surface {
 
 impl Surface {
     #[inline(always)]
-    fn new(geometry: &Geometry<'_>, corners: &Corners, triangle: u32) -> Self {
+    fn new<S: Simd>(simd: S, geometry: &Geometry<'_>, corners: &Corners, triangle: u32) -> Self {
         let mesh = geometry.mesh();
         let vertices = mesh.triangles[triangle as usize];
         let as_wound = geometry.as_wound[triangle as usize];
@@ -476,7 +506,7 @@ impl Surface {
         let three = vertices.map(|i| &corners.list[i as usize]);
         let signed = |yes: bool| if yes { 1.0 } else { -1.0 };
         let hand = signed(mesh.tangents[vertices[0] as usize].w >= 0.0);
-        match Plane::new(three, rows, corners.view.is_perspective()) {
+        match Plane::new(simd, three, rows, corners.view.is_perspective()) {
             Some((plane, counter_clockwise)) => Self {
                 plane: Some(plane),
                 facing: signed(counter_clockwise == as_wound),
@@ -499,21 +529,25 @@ impl Surface {
 
 /// A triangle in f64 weights, sample by sample.
 #[cold]
-fn fill_carefully(
+fn fill_carefully<S: Simd>(
+    simd: S,
     (geometry, view): (&Geometry<'_>, &View),
     triangle: u32,
     run: Range<usize>,
-    (column, row): (i32, i32),
+    (corner, places): ([i32; 2], &Places),
     out: &mut Lanes,
 ) {
     let edges = Edges::new(geometry.mesh(), view, triangle);
     let rows = edges.corners.map(|i| &geometry.rows[i]);
-    for (i, column) in run.zip(column..) {
+    for i in run {
+        let column = corner[0] + i32::from(places.columns[i]);
+        let row = corner[1] + i32::from(places.rows[i]);
         let w = edges.weights(f64::from(column) + 0.5, f64::from(row) + 0.5);
         let distance: f64 = (0..3).map(|k| w.at[k] * edges.distances[k]).sum();
         let (q, share) = view.slant_at(distance);
-        let at = Row::mix(rows, w.at.map(|w| w * share)).0;
+        let at = Row::mix(simd, rows, w.at.map(|w| w * share)).0;
         out.column[i] = column as f32;
+        out.row[i] = row as f32;
         out.q[i] = q as f32;
         for k in 0..3 {
             out.normal[k][i] = at[k];
@@ -523,7 +557,7 @@ fn fill_carefully(
         out.uv[1][i] = at[7];
         for (k, change) in [w.dx, w.dy].into_iter().enumerate() {
             // As if q stood still: the weights' own change holds it already.
-            let d = Row::mix(rows, change.map(|w| w * share)).0;
+            let d = Row::mix(simd, rows, change.map(|w| w * share)).0;
             for c in 0..3 {
                 out.normal_change[k][c][i] = d[c];
             }
@@ -557,40 +591,6 @@ fn mend_normals(
     }
 }
 
-/// The surfaces of a tile, found by triangle. Neighbours mostly see the same triangle, rows see those of the row above.
-struct Surfaces {
-    known: Vec<(u32, Surface)>,
-    /// Places in it, by the triangle's hash.
-    slots: [u16; Self::SLOTS],
-}
-
-impl Surfaces {
-    const SLOTS: usize = 1024;
-    const EMPTY: u16 = u16::MAX;
-
-    fn new() -> Self {
-        Self {
-            known: Vec::with_capacity(256),
-            slots: [Self::EMPTY; Self::SLOTS],
-        }
-    }
-
-    /// The surface of a triangle; a tile has fewer samples than 2^16, and so fewer surfaces.
-    #[inline(always)]
-    fn get(&mut self, triangle: u32, make: impl FnOnce() -> Surface) -> &Surface {
-        let slot = &mut self.slots[(triangle.wrapping_mul(0x9e37_79b9) >> 22) as usize];
-        let known = self
-            .known
-            .get(*slot as usize)
-            .is_some_and(|(t, _)| *t == triangle);
-        if !known {
-            *slot = self.known.len() as u16;
-            self.known.push((triangle, make()));
-        }
-        &self.known[*slot as usize].1
-    }
-}
-
 /// The attributes of every sample of a tile that sees something; their changes where `changes` are asked for.
 pub(super) fn resolve(
     geometry: &Geometry<'_>,
@@ -600,89 +600,95 @@ pub(super) fn resolve(
     out: &mut Fragments,
 ) {
     out.rays = corners.view.rays();
-    out.spans.clear();
     let scene = (geometry, corners);
-    out.count = dispatch!(math::level(), simd => resolve_all(simd, scene, tile, changes, &mut out.spans, &mut out.lanes));
+    out.count = dispatch!(math::level(), simd => resolve_all(simd, scene, tile, changes, &mut out.places, &mut out.lanes));
 }
 
 #[simd]
 fn resolve_all<S: Simd>(
-    _: S,
+    simd: S,
     (geometry, corners): (&Geometry<'_>, &Corners),
     tile: &Tile,
     changes: bool,
-    spans: &mut Vec<Span>,
+    places: &mut Places,
     out: &mut Lanes,
 ) -> usize {
     let careful = (geometry, &corners.view);
-    let mut surfaces = Surfaces::new();
+    let corner = [tile.rect.x as i32, tile.rect.y as i32];
     let mut next = 0;
-    for (y, line) in tile.seen.chunks(STRIDE).enumerate() {
-        let width = tile.rect.width as usize;
-        let row = tile.rect.y as i32 + y as i32;
-        let line_start = next;
-        let mut starts = run_starts(&line[..width]);
-        while starts != 0 {
-            let start = starts.trailing_zeros() as usize;
-            starts &= starts - 1;
-            let end = (starts.trailing_zeros() as usize).min(width);
-            let triangle = line[start];
-            if triangle == NOTHING {
-                continue;
-            }
-            join(spans, start, y, end - start);
-            let surface = surfaces.get(triangle, || Surface::new(geometry, corners, triangle));
-            let run = next..next + (end - start);
-            next = run.end;
-            let first = (tile.rect.x as i32 + start as i32, row);
-            for block in run.clone().step_by(WIDE) {
-                splat(&mut out.facing, block, surface.facing);
-                splat(&mut out.hand, block, surface.hand);
-            }
-            match &surface.plane {
-                Some(plane) => {
-                    plane.fill(run.clone(), first, changes, out);
-                    if !plane.steady {
-                        mend_normals(careful, triangle, run, out);
-                    }
-                }
-                None => {
-                    fill_carefully(careful, triangle, run.clone(), first, out);
+    for drawn in &tile.drawn {
+        let run = next..find(simd, &tile.seen, *drawn, next, places);
+        next = run.end;
+        if run.is_empty() {
+            continue;
+        }
+        let triangle = drawn.triangle;
+        let surface = Surface::new(simd, geometry, corners, triangle);
+        for start in run.clone().step_by(WIDE) {
+            splat(&mut out.facing, start, surface.facing);
+            splat(&mut out.hand, start, surface.hand);
+        }
+        match &surface.plane {
+            Some(plane) => {
+                plane.fill(simd, run.clone(), corner, places, changes, out);
+                if !plane.steady {
                     mend_normals(careful, triangle, run, out);
                 }
             }
+            None => {
+                fill_carefully(simd, careful, triangle, run.clone(), (corner, places), out);
+                mend_normals(careful, triangle, run, out);
+            }
         }
-        out.row[line_start..next].fill(row as f32);
     }
     next
 }
 
-/// The columns of a row of a tile where another triangle begins than in the column before, a bit each. Found all at once: a
-/// branch for each sample would be foretold wrongly at the end of every run.
+/// Writes the places of the samples that see a triangle, from number `next` on, and returns the number after the last.
 #[inline(always)]
-fn run_starts(line: &[u32]) -> u64 {
-    let mut other = [0u8; TILE as usize];
-    let (before, at) = (&line[..line.len() - 1], &line[1..]);
-    for ((other, a), b) in other[1..].iter_mut().zip(before).zip(at) {
-        *other = u8::from(a != b);
+fn find<S: Simd>(
+    simd: S,
+    seen: &[u32],
+    drawn: Drawn,
+    mut next: usize,
+    places: &mut Places,
+) -> usize {
+    let (left, right) = (usize::from(drawn.left), usize::from(drawn.right));
+    for first in (left..=right).step_by(WIDE) {
+        // Behind the tile's last column there is rubbish.
+        let inside = u32::MAX >> (31 - (right - first).min(31));
+        for row in drawn.top..=drawn.bottom {
+            let line = &seen[usize::from(row) * STRIDE + first..][..WIDE];
+            let sees = u32x16::from_slice(simd, line).simd_eq(drawn.triangle);
+            let sees = sees.to_bitmask() as u32 & inside;
+            let start = sees.trailing_zeros();
+            let run = sees.checked_shr(start).unwrap_or(0);
+            let columns = &mut places.columns[next..next + WIDE];
+            let rows = &mut places.rows[next..next + WIDE];
+            if run & (run + 1) == 0 {
+                // One run, or none: whole vectors are written, of which so many count.
+                let column = u8x16::from_slice(simd, &NUMBERS) + (first as u8 + start as u8);
+                column.store_slice(columns);
+                u8x16::splat(simd, row).store_slice(rows);
+            } else {
+                put_apart(sees, (first as u8, row), columns, rows);
+            }
+            next += sees.count_ones() as usize;
+        }
     }
-    let bits = |eight: &[u8]| {
-        let eight = <[u8; 8]>::try_from(eight).expect("eight bytes");
-        // Gathers the lowest bit of each byte in the highest byte.
-        u64::from_le_bytes(eight).wrapping_mul(0x0102_0408_1020_4080) >> 56
-    };
-    other
-        .chunks_exact(8)
-        .enumerate()
-        .fold(1, |starts, (i, eight)| starts | bits(eight) << (8 * i))
+    next
 }
 
-/// Adds a run to the spans: to the last one where that ends beside it.
-#[inline(always)]
-fn join(spans: &mut Vec<Span>, column: usize, row: usize, count: usize) {
-    let (column, row, count) = (column as u16, row as u16, count as u16);
-    match spans.last_mut() {
-        Some(last) if last.row == row && last.column + last.count == column => last.count += count,
-        _ => spans.push(Span { column, row, count }),
+const NUMBERS: [u8; WIDE] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+
+/// The places of a row of which something nearer hides the middle.
+#[cold]
+fn put_apart(mut sees: u32, (first, row): (u8, u8), columns: &mut [u8], rows: &mut [u8]) {
+    let mut i = 0;
+    while sees != 0 {
+        columns[i] = first + sees.trailing_zeros() as u8;
+        rows[i] = row;
+        sees &= sees - 1;
+        i += 1;
     }
 }

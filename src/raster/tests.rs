@@ -4,6 +4,7 @@ use crate::map::Size;
 use crate::mesh::Mesh;
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use proptest::prelude::*;
+use std::collections::{HashMap, HashSet};
 use std::f32::consts::TAU;
 
 /// A grid of quads over (u, v) in [0, 1]², positions, normals and tangents from `at`.
@@ -96,13 +97,11 @@ fn each(mesh: &Mesh, buffer: &GBuffer, mut visit: impl FnMut(u32, u32, &Fragment
     for tile in buffer.tiles() {
         tile.resolve(&geometry, buffer.corners(), true, &mut fragments);
         assert_eq!(tile.covered(), fragments.len());
-        let spans = fragments.spans().iter();
-        let places: Vec<(u32, u32)> = spans
-            .flat_map(|s| (0..s.count).map(|i| (u32::from(s.column + i), u32::from(s.row))))
-            .collect();
-        assert_eq!(places.len(), fragments.len());
-        for (i, (x, y)) in places.into_iter().enumerate() {
-            let place = (tile.rect.x + x, tile.rect.y + y);
+        let places = fragments.columns().iter().zip(fragments.rows());
+        let mut before = HashSet::new();
+        for (i, (x, y)) in places.enumerate() {
+            assert!(before.insert((x, y)), "each sample once");
+            let place = (tile.rect.x + u32::from(*x), tile.rect.y + u32::from(*y));
             assert_eq!(place, fragments.place(i));
             visit(place.0, place.1, &fragments, i);
         }
@@ -526,13 +525,14 @@ fn attributes_in_f64_are_the_same_attributes() {
     let mesh = torus(64, 32);
     let (view, buffer) = draw(&mesh, &camera(Vec3::new(0.0, 2.0, 3.0)), 200, 150);
     let geometry = Geometry::new(&mesh).unwrap();
-    let mut exact = buffer
+    let mut exact: HashMap<(u32, u32), Exact> = buffer
         .tiles()
         .iter()
-        .flat_map(|t| t.exact(&geometry, &view));
+        .flat_map(|t| t.exact(&geometry, &view))
+        .map(|e| ((e.column, e.row), e))
+        .collect();
     each(&mesh, &buffer, |x, y, f, i| {
-        let e = exact.next().expect("as many samples");
-        assert_eq!((e.column, e.row), (x, y));
+        let e = exact.remove(&(x, y)).expect("the same samples");
         assert!(e.position.distance(f.position(i).as_dvec3()) < 1e-4);
         assert!(e.normal.distance(f.normal(i).as_dvec3()) < 1e-4);
         assert!(
@@ -544,7 +544,7 @@ fn attributes_in_f64_are_the_same_attributes() {
         assert!(e.uv.distance(f.uv(i).as_dvec2()) < 1e-4);
         assert_eq!((e.handedness, e.facing), (1.0, f64::from(f.facing(i))));
     });
-    assert!(exact.next().is_none());
+    assert!(exact.is_empty());
 }
 
 #[test]

@@ -13,7 +13,8 @@ use crate::error::Result;
 use crate::map::Rect;
 use crate::math;
 use crate::progress::Progress;
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, dispatch, f32x16, i32x16, u32x16};
 use fearless_simd_macros::simd;
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
@@ -39,6 +40,13 @@ const ENTRIES_MAX: usize = 1 << 27;
 const LANES: usize = 16;
 /// Samples from one row of a tile to the next: a row of lanes may begin at any of its samples.
 pub(super) const STRIDE: usize = TILE as usize + LANES;
+/// Rows of a small triangle, at most, and how many of them are drawn without asking whether there are more.
+const SMALL_ROWS: i32 = 64;
+const SMALL_STEP: usize = 4;
+/// Rows of memory of a tile: the last step of a small triangle may begin at its last row.
+const MEMORY_ROWS: usize = TILE as usize + SMALL_STEP;
+/// Triangles that a tile remembers having drawn; if there are more, it forgets those that none of its samples sees.
+const DRAWN_MAX: usize = 2 * (TILE * TILE) as usize;
 
 /// The nearest depth of each sample of a tile so far; larger is nearer. One for each thread that draws tiles.
 pub struct Depths(Vec<f32>);
@@ -46,7 +54,7 @@ pub struct Depths(Vec<f32>);
 impl Depths {
     /// Room for a tile.
     pub fn new() -> Self {
-        Self(vec![0.0; STRIDE * TILE as usize])
+        Self(vec![0.0; STRIDE * MEMORY_ROWS])
     }
 }
 
@@ -145,8 +153,7 @@ impl Corner {
 /// A triangle ready to be drawn, turned so that its inside is where the edge functions are positive.
 #[derive(Clone, Copy)]
 struct Setup {
-    x: [i32; 3],
-    y: [i32; 3],
+    edges: [Edge<i64>; 3],
     /// First and last column and row whose centre may be inside, in samples; may lie outside the window.
     columns: (i32, i32),
     rows: (i32, i32),
@@ -158,12 +165,66 @@ struct Setup {
     triangle: u32,
 }
 
-/// A linear function over samples, inside where it is at least 0.
+/// A linear function over samples, inside where it is at least 0. From sample to sample an edge function in fixed point changes
+/// by whole multiples of [`SUBPIXEL`]: the bits below tell nothing about its sign and are left out.
 #[derive(Clone, Copy, Default)]
-struct Edge {
-    value: i32,
+struct Edge<T> {
+    value: T,
     dx: i32,
     dy: i32,
+}
+
+impl Edge<i64> {
+    /// From one corner to the next, its value that at a sample.
+    #[inline(always)]
+    fn new(from: &Corner, to: &Corner, (column, row): (i32, i32)) -> Self {
+        let (ex, ey) = (to.x - from.x, to.y - from.y);
+        // Samples exactly on the edge belong to the triangle where it is a top or left edge.
+        let top_left = (ey < 0) | ((ey == 0) & (ex > 0));
+        let centre = |sample: i32| (i64::from(sample) << SUBPIXEL_BITS) + SUBPIXEL / 2;
+        let value = i64::from(ex) * (centre(row) - i64::from(from.y))
+            - i64::from(ey) * (centre(column) - i64::from(from.x))
+            - i64::from(!top_left);
+        Self {
+            value: value >> SUBPIXEL_BITS,
+            dx: -ey,
+            dy: ex,
+        }
+    }
+
+    /// The same with its value that at another sample, so many columns and rows away.
+    #[inline(always)]
+    fn moved(&self, (columns, rows): (i32, i32)) -> i64 {
+        self.value + i64::from(self.dx) * i64::from(columns) + i64::from(self.dy) * i64::from(rows)
+    }
+
+    /// For so many columns and rows from `away` on. `None` when all of them lie outside; an edge that they all lie inside of is
+    /// 0 everywhere.
+    #[inline(always)]
+    fn near(&self, away: (i32, i32), (columns, rows): (i32, i32)) -> Option<Edge<i32>> {
+        let value = self.moved(away);
+        let across = i64::from(self.dx) * i64::from(columns - 1);
+        let down = i64::from(self.dy) * i64::from(rows - 1);
+        if value + across.max(0) + down.max(0) < 0 {
+            return None;
+        }
+        if value + across.min(0) + down.min(0) >= 0 {
+            return Some(Edge::default());
+        }
+        Some(Edge {
+            value: value as i32,
+            dx: self.dx,
+            dy: self.dy,
+        })
+    }
+}
+
+impl Edge<i32> {
+    /// Its value so many columns on.
+    #[inline(always)]
+    fn moved(&self, columns: i32) -> i32 {
+        self.value.wrapping_add(self.dx.wrapping_mul(columns))
+    }
 }
 
 impl Setup {
@@ -201,9 +262,13 @@ impl Setup {
         let depth_dy = (dc * f64::from(b.x - a.x) - db * f64::from(c.x - a.x)) * per;
         let offset = |first: i32, at: i32| f64::from(first) + 0.5 - f64::from(at) / SUBPIXEL as f64;
         let depth = depths[0] + depth_dx * offset(columns.0, a.x) + depth_dy * offset(rows.0, a.y);
+        let first = (columns.0, rows.0);
         Some(Self {
-            x: [a.x, b.x, c.x],
-            y: [a.y, b.y, c.y],
+            edges: [
+                Edge::new(b, c, first),
+                Edge::new(c, a, first),
+                Edge::new(a, b, first),
+            ],
             columns,
             rows,
             depth: depth as f32,
@@ -217,39 +282,15 @@ impl Setup {
         })
     }
 
-    /// The edge opposite corner `i`, its value that at the first of `columns` and `rows`. `None` when all of them lie outside;
-    /// an edge that they all lie inside of is 0 everywhere.
+    /// Draws what lies in a tile, and says where that can be.
     #[inline(always)]
-    fn edge(&self, i: usize, columns: (i32, i32), rows: (i32, i32)) -> Option<Edge> {
-        let (a, b) = ((i + 1) % 3, (i + 2) % 3);
-        let (ex, ey) = (self.x[b] - self.x[a], self.y[b] - self.y[a]);
-        // Samples exactly on the edge belong to the triangle where it is a top or left edge.
-        let top_left = ey < 0 || (ey == 0 && ex > 0);
-        let centre = |sample: i32| (i64::from(sample) << SUBPIXEL_BITS) + SUBPIXEL / 2;
-        let value = i64::from(ex) * (centre(rows.0) - i64::from(self.y[a]))
-            - i64::from(ey) * (centre(columns.0) - i64::from(self.x[a]))
-            - i64::from(!top_left);
-        // From sample to sample it changes by whole multiples of SUBPIXEL: the bits below tell nothing about its sign.
-        let value = value >> SUBPIXEL_BITS;
-        let (across, down) = (
-            i64::from(-ey) * i64::from(columns.1 - columns.0),
-            i64::from(ex) * i64::from(rows.1 - rows.0),
-        );
-        if value + across.max(0) + down.max(0) < 0 {
-            return None;
-        }
-        if value + across.min(0) + down.min(0) >= 0 {
-            return Some(Edge::default());
-        }
-        Some(Edge {
-            value: value as i32,
-            dx: -ey,
-            dy: ex,
-        })
-    }
-
-    #[inline(always)]
-    fn draw(&self, rect: Rect, triangles: &mut [u32], depths: &mut [f32]) {
+    fn draw<S: Simd>(
+        &self,
+        simd: S,
+        rect: Rect,
+        triangles: &mut [u32],
+        depths: &mut [f32],
+    ) -> Option<Drawn> {
         let (left, top) = (rect.x as i32, rect.y as i32);
         let columns = (
             self.columns.0.max(left),
@@ -260,67 +301,213 @@ impl Setup {
             self.rows.1.min(top + rect.height as i32 - 1),
         );
         if columns.0 > columns.1 || rows.0 > rows.1 {
-            return;
+            return None;
         }
-        let blocks = (columns.1 - columns.0) / LANES as i32 + 1;
-        let reach = (columns.0, columns.0 + blocks * LANES as i32 - 1);
-        let Some(e0) = self.edge(0, reach, rows) else {
-            return;
+        let drawn = Drawn {
+            triangle: self.triangle,
+            left: (columns.0 - left) as u8,
+            right: (columns.1 - left) as u8,
+            top: (rows.0 - top) as u8,
+            bottom: (rows.1 - top) as u8,
         };
-        let Some(e1) = self.edge(1, reach, rows) else {
-            return;
-        };
-        let Some(e2) = self.edge(2, reach, rows) else {
-            return;
-        };
-        let mut values = [e0.value, e1.value, e2.value];
-        for row in rows.0..=rows.1 {
-            let line = (row - top) as usize * STRIDE + (columns.0 - left) as usize;
-            let depth = self.depth + self.depth_dy * (row - self.rows.0) as f32;
-            let mut at = values;
-            for block in 0..blocks {
-                let place = line + block as usize * LANES;
-                let first = columns.0 + block * LANES as i32 - self.columns.0;
-                self.lanes(
-                    at,
-                    [e0.dx, e1.dx, e2.dx],
-                    (depth, first),
-                    &mut depths[place..][..LANES],
-                    &mut triangles[place..][..LANES],
+        let small = (self.columns.1 - self.columns.0 < LANES as i32)
+            & (self.rows.1 - self.rows.0 < SMALL_ROWS);
+        if small {
+            self.draw_small(simd, drawn, (columns.0, rows.0), triangles, depths);
+        } else {
+            self.draw_large(simd, drawn, (columns.0, rows.0), triangles, depths)?;
+        }
+        Some(drawn)
+    }
+
+    /// One that is no wider than the lanes and so low that its edge functions fit 32 bits all over it, from a sample on.
+    #[inline(always)]
+    fn draw_small<S: Simd>(
+        &self,
+        simd: S,
+        drawn: Drawn,
+        (column, row): (i32, i32),
+        triangles: &mut [u32],
+        depths: &mut [f32],
+    ) {
+        let away = (column - self.columns.0, row - self.rows.0);
+        let [e0, e1, e2] = &self.edges;
+        let mut edges = [
+            Steps::new(simd, e0.moved(away) as i32, e0.dx, e0.dy),
+            Steps::new(simd, e1.moved(away) as i32, e1.dx, e1.dy),
+            Steps::new(simd, e2.moved(away) as i32, e2.dx, e2.dy),
+        ];
+        let slope = self.slope(simd);
+        let across = slope.across(simd, away.0);
+        let place = usize::from(drawn.top) * STRIDE + usize::from(drawn.left);
+        // Four rows at a time: those past the last are outside. How often the loop turns is then mostly foretold.
+        let turns = usize::from(drawn.bottom - drawn.top) / SMALL_STEP + 1;
+        let reach = turns * SMALL_STEP * STRIDE;
+        let depths = depths[place..][..reach].chunks_exact_mut(SMALL_STEP * STRIDE);
+        let triangles = triangles[place..][..reach].chunks_exact_mut(SMALL_STEP * STRIDE);
+        let mut row = away.1;
+        for (depths, triangles) in depths.zip(triangles) {
+            for step in 0..SMALL_STEP {
+                let inside = edges[0].at | edges[1].at | edges[2].at;
+                slope.put(
+                    simd,
+                    inside,
+                    slope.at(simd, row, across),
+                    &mut depths[step * STRIDE..][..LANES],
+                    &mut triangles[step * STRIDE..][..LANES],
                 );
-                at[0] = at[0].wrapping_add(e0.dx.wrapping_mul(LANES as i32));
-                at[1] = at[1].wrapping_add(e1.dx.wrapping_mul(LANES as i32));
-                at[2] = at[2].wrapping_add(e2.dx.wrapping_mul(LANES as i32));
+                for edge in &mut edges {
+                    edge.at += edge.down;
+                }
+                row += 1;
             }
-            values[0] = values[0].wrapping_add(e0.dy);
-            values[1] = values[1].wrapping_add(e1.dy);
-            values[2] = values[2].wrapping_add(e2.dy);
         }
     }
 
-    /// One row of lanes: of two at one depth the first drawn stays.
+    /// Any other. `None` when no sample can be inside.
     #[inline(always)]
-    fn lanes(
+    fn draw_large<S: Simd>(
         &self,
-        at: [i32; 3],
-        dx: [i32; 3],
-        (depth, first): (f32, i32),
+        simd: S,
+        drawn: Drawn,
+        (column, row): (i32, i32),
+        triangles: &mut [u32],
+        depths: &mut [f32],
+    ) -> Option<()> {
+        let away = (column - self.columns.0, row - self.rows.0);
+        let blocks = usize::from(drawn.right - drawn.left) / LANES + 1;
+        let rows = usize::from(drawn.bottom - drawn.top) + 1;
+        let reach = ((blocks * LANES) as i32, rows as i32);
+        let e0 = self.edges[0].near(away, reach)?;
+        let e1 = self.edges[1].near(away, reach)?;
+        let e2 = self.edges[2].near(away, reach)?;
+        let slope = self.slope(simd);
+        for block in 0..blocks {
+            let first = (block * LANES) as i32;
+            let across = slope.across(simd, away.0 + first);
+            let mut edges = [
+                Steps::new(simd, e0.moved(first), e0.dx, e0.dy),
+                Steps::new(simd, e1.moved(first), e1.dx, e1.dy),
+                Steps::new(simd, e2.moved(first), e2.dx, e2.dy),
+            ];
+            for row in 0..rows {
+                let inside = edges[0].at | edges[1].at | edges[2].at;
+                let place = (usize::from(drawn.top) + row) * STRIDE
+                    + usize::from(drawn.left)
+                    + block * LANES;
+                slope.put(
+                    simd,
+                    inside,
+                    slope.at(simd, away.1 + row as i32, across),
+                    &mut depths[place..][..LANES],
+                    &mut triangles[place..][..LANES],
+                );
+                for edge in &mut edges {
+                    edge.at += edge.down;
+                }
+            }
+        }
+        Some(())
+    }
+
+    #[inline(always)]
+    fn slope<S: Simd>(&self, simd: S) -> Slope<S> {
+        Slope {
+            depth: self.depth,
+            dx: self.depth_dx,
+            dy: self.depth_dy,
+            low: f32x16::splat(simd, self.depth_range.0),
+            high: f32x16::splat(simd, self.depth_range.1),
+            triangle: u32x16::splat(simd, self.triangle),
+        }
+    }
+}
+
+/// An edge function over a row of lanes, and its change to the next row. Where it leaves 32 bits it wraps around, at samples
+/// that another edge leaves out.
+#[derive(Clone, Copy)]
+struct Steps<S: Simd> {
+    at: i32x16<S>,
+    down: i32x16<S>,
+}
+
+impl<S: Simd> Steps<S> {
+    #[inline(always)]
+    fn new(simd: S, value: i32, dx: i32, dy: i32) -> Self {
+        Self {
+            at: i32x16::splat(simd, value) + i32x16::splat(simd, dx) * lane_numbers(simd),
+            down: i32x16::splat(simd, dy),
+        }
+    }
+}
+
+#[inline(always)]
+fn lane_numbers<S: Simd>(simd: S) -> i32x16<S> {
+    const NUMBERS: [i32; LANES] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+    i32x16::from_slice(simd, &NUMBERS)
+}
+
+/// The depth of a triangle, spread over lanes.
+#[derive(Clone, Copy)]
+struct Slope<S: Simd> {
+    depth: f32,
+    dx: f32,
+    dy: f32,
+    low: f32x16<S>,
+    high: f32x16<S>,
+    triangle: u32x16<S>,
+}
+
+impl<S: Simd> Slope<S> {
+    /// The change from the first column to a row of lanes that begins so many columns on.
+    #[inline(always)]
+    fn across(&self, simd: S, columns: i32) -> f32x16<S> {
+        let columns: f32x16<S> = (i32x16::splat(simd, columns) + lane_numbers(simd)).to_float();
+        columns * self.dx
+    }
+
+    /// The depth so many rows on.
+    #[inline(always)]
+    fn at(&self, simd: S, rows: i32, across: f32x16<S>) -> f32x16<S> {
+        f32x16::splat(simd, self.depth + self.dy * rows as f32) + across
+    }
+
+    /// One row of lanes, inside where a number is not negative: of two at one depth the first drawn stays.
+    #[inline(always)]
+    fn put(
+        &self,
+        simd: S,
+        inside: i32x16<S>,
+        depth: f32x16<S>,
         depths: &mut [f32],
         triangles: &mut [u32],
     ) {
-        let (low, high) = self.depth_range;
-        for j in 0..LANES {
-            let step = j as i32;
-            let e = (at[0].wrapping_add(dx[0].wrapping_mul(step)))
-                | (at[1].wrapping_add(dx[1].wrapping_mul(step)))
-                | (at[2].wrapping_add(dx[2].wrapping_mul(step)));
-            let d = depth + self.depth_dx * (first + step) as f32;
-            let d = if d < low { low } else { d };
-            let d = if d > high { high } else { d };
-            let nearer = (e >= 0) & (d > depths[j]);
-            depths[j] = if nearer { d } else { depths[j] };
-            triangles[j] = if nearer { self.triangle } else { triangles[j] };
-        }
+        let depth = depth.simd_lt(self.low).select(self.low, depth);
+        let depth = depth.simd_gt(self.high).select(self.high, depth);
+        let before = f32x16::from_slice(simd, depths);
+        let nearer = inside.simd_ge(0) & depth.simd_gt(before);
+        nearer.select(depth, before).store_slice(depths);
+        let seen = u32x16::from_slice(simd, triangles);
+        nearer.select(self.triangle, seen).store_slice(triangles);
+    }
+}
+
+/// A triangle that was drawn into a tile, and the first and last column and row of the tile where it may be seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Drawn {
+    pub(super) triangle: u32,
+    pub(super) left: u8,
+    pub(super) right: u8,
+    pub(super) top: u8,
+    pub(super) bottom: u8,
+}
+
+impl Drawn {
+    fn grow(&mut self, other: Self) {
+        self.left = self.left.min(other.left);
+        self.right = self.right.max(other.right);
+        self.top = self.top.min(other.top);
+        self.bottom = self.bottom.max(other.bottom);
     }
 }
 
@@ -473,7 +660,7 @@ impl Bins {
 
     /// Draws tile number `i` of the window, in place of what it saw.
     pub fn draw(&self, i: usize, tile: &mut Tile, depths: &mut Depths) {
-        tile.seen.clear();
+        tile.clear();
         self.draw_over(i, tile, depths);
     }
 
@@ -481,7 +668,7 @@ impl Bins {
     fn draw_over(&self, i: usize, tile: &mut Tile, depths: &mut Depths) {
         let level = math::level();
         let place = (i % self.across, i / self.across);
-        let samples = STRIDE * tile.rect.height as usize;
+        let samples = STRIDE * (tile.rect.height as usize + SMALL_STEP);
         for block in &self.blocks {
             let order = block.tile(place.0, place.1);
             if order.is_empty() {
@@ -492,6 +679,9 @@ impl Bins {
                 depths.0[..samples].fill(f32::NEG_INFINITY);
             }
             dispatch!(level, simd => draw_all(simd, &block.setups, order, tile, &mut depths.0));
+            if tile.drawn.len() > DRAWN_MAX {
+                tile.forget_hidden();
+            }
         }
     }
 }
@@ -526,7 +716,7 @@ impl Plan {
             return Ok(Self::Bins(Bins::new(geometry, corners, window, cull)));
         }
         let mut depths: Vec<Depths> = tiles.iter().map(|_| Depths(Vec::new())).collect();
-        tiles.iter_mut().for_each(|tile| tile.seen.clear());
+        tiles.iter_mut().for_each(Tile::clear);
         for first in (0..triangles).step_by(batch) {
             progress.check()?;
             let some = first..(first + batch).min(triangles);
@@ -554,9 +744,23 @@ impl Plan {
 }
 
 #[simd]
-fn draw_all<S: Simd>(_: S, setups: &[Setup], order: &[u16], tile: &mut Tile, depths: &mut [f32]) {
+fn draw_all<S: Simd>(
+    simd: S,
+    setups: &[Setup],
+    order: &[u16],
+    tile: &mut Tile,
+    depths: &mut [f32],
+) {
+    tile.drawn.reserve(order.len());
     for &i in order {
-        setups[i as usize].draw(tile.rect, &mut tile.seen, depths);
+        let drawn = setups[i as usize].draw(simd, tile.rect, &mut tile.seen, depths);
+        if let Some(drawn) = drawn {
+            match tile.drawn.last_mut() {
+                // Pieces of one that was cut.
+                Some(last) if last.triangle == drawn.triangle => last.grow(drawn),
+                _ => tile.drawn.push(drawn),
+            }
+        }
     }
 }
 
