@@ -15,8 +15,8 @@ pub struct Geometry<'a> {
     mesh: Cow<'a, Mesh>,
     id: u64,
     pub(super) rows: Vec<Row>,
-    /// Whether each triangle winds counter-clockwise as seen from the side that its normals call outside.
-    pub(super) as_wound: Vec<bool>,
+    /// What is known of each triangle.
+    pub(super) kinds: Vec<Kind>,
 }
 
 impl<'a> Geometry<'a> {
@@ -33,7 +33,7 @@ impl<'a> Geometry<'a> {
         Ok(Self {
             id: NEXT.fetch_add(1, Ordering::Relaxed),
             rows: vertices.map(|i| Row::new(&mesh, i)).collect(),
-            as_wound: triangles.map(|t| outward(&mesh, *t).as_wound).collect(),
+            kinds: triangles.map(|t| Kind::of(&mesh, *t)).collect(),
             mesh,
         })
     }
@@ -67,6 +67,35 @@ fn check(mesh: &Mesh) -> Result<()> {
     }
 }
 
+/// A normal this short has lost its direction to the cancelling of its corners' normals.
+pub(super) const LEAST_NORMAL: f32 = 1e-10;
+
+/// What is known of a triangle before it is looked at.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kind {
+    /// Whether it winds counter-clockwise as seen from the side that its normals call outside.
+    pub(super) as_wound: bool,
+    /// Whether the normal keeps its direction wherever on it.
+    pub(super) steady: bool,
+    /// Whether its layout is as it would be on paper, not mirrored.
+    pub(super) right_handed: bool,
+}
+
+impl Kind {
+    fn of(mesh: &Mesh, triangle: [u32; 3]) -> Self {
+        let n = triangle.map(|i| mesh.normals[i as usize]);
+        let sum = n[0] + n[1] + n[2];
+        // No weighted mean comes near zero where all are within a right angle of the sum. NaN fails these, and what overflows.
+        let along = |n: Vec3| n.dot(sum) > LEAST_NORMAL && n.length_squared() < 1e30;
+        let w = mesh.tangents[triangle[0] as usize].w;
+        Self {
+            as_wound: outward(mesh, triangle).as_wound,
+            steady: n.into_iter().all(along),
+            right_handed: w >= 0.0,
+        }
+    }
+}
+
 /// What is interpolated over a triangle: normal, u, tangent, v.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Row(pub(super) [f32; 8]);
@@ -79,10 +108,6 @@ impl Row {
             mesh.uvs[vertex],
         );
         Self([n.x, n.y, n.z, uv.x, t.x, t.y, t.z, uv.y])
-    }
-
-    pub(super) fn normal(&self) -> Vec3 {
-        Vec3::new(self.0[0], self.0[1], self.0[2])
     }
 
     /// A weighted sum.

@@ -6,7 +6,7 @@
 //! their rounding, or reach behind the eye, take the careful way in f64 instead.
 
 use super::camera::{Rays, View};
-use super::geometry::{Geometry, Row, outward};
+use super::geometry::{Geometry, LEAST_NORMAL, Row, outward};
 use super::visibility::{Corner, Corners, Drawn, STRIDE};
 use super::{TILE, Tile};
 use crate::math;
@@ -307,9 +307,6 @@ impl Edges {
 const LEAST_HEIGHT: f64 = 0.125;
 /// Farther from the picture, in samples, the fast way loses digits.
 const FARTHEST: f64 = 1e5;
-/// A normal this short has lost its direction to the cancelling of its corners' normals.
-const LEAST_NORMAL: f32 = 1e-10;
-
 /// A linear function over samples.
 #[derive(Clone, Copy)]
 struct Linear<T> {
@@ -327,8 +324,6 @@ struct Plane {
     q: Linear<f32>,
     /// The change of the attributes' common denominator.
     q_change: [f32; 2],
-    /// Whether the normal keeps its direction wherever on the triangle.
-    steady: bool,
 }
 
 impl Plane {
@@ -394,7 +389,6 @@ impl Plane {
             } else {
                 [0.0; 2]
             },
-            steady: is_steady(rows),
         };
         // Rows run downward.
         Some((plane, twice < 0.0))
@@ -471,17 +465,6 @@ fn numbers<S: Simd>(simd: S, bytes: &[u8]) -> f32x16<S> {
     u32x16::from_slice(simd, &wide).to_float()
 }
 
-/// Whether no weighted mean of the corners' normals can come near zero: all within a right angle of their sum.
-#[inline(always)]
-fn is_steady(rows: [&Row; 3]) -> bool {
-    let n = rows.map(Row::normal);
-    let sum = n[0] + n[1] + n[2];
-    let least = LEAST_NORMAL;
-    // NaN fails these, and what overflows.
-    let along = |n: Vec3| n.dot(sum) > least && n.length_squared() < 1e30;
-    along(n[0]) && along(n[1]) && along(n[2])
-}
-
 #[inline(always)]
 fn splat(lane: &mut Lane, start: usize, value: f32) {
     for x in &mut lane[start..start + WIDE] {
@@ -494,35 +477,37 @@ struct Surface {
     plane: Option<Plane>,
     facing: f32,
     hand: f32,
+    /// Whether the normal keeps its direction wherever on it.
+    steady: bool,
 }
 
 impl Surface {
     #[inline(always)]
     fn new<S: Simd>(simd: S, geometry: &Geometry<'_>, corners: &Corners, triangle: u32) -> Self {
         let mesh = geometry.mesh();
+        let kind = geometry.kinds[triangle as usize];
         let vertices = mesh.triangles[triangle as usize];
-        let as_wound = geometry.as_wound[triangle as usize];
-        let rows = vertices.map(|i| &geometry.rows[i as usize]);
-        let three = vertices.map(|i| &corners.list[i as usize]);
-        let signed = |yes: bool| if yes { 1.0 } else { -1.0 };
-        let hand = signed(mesh.tangents[vertices[0] as usize].w >= 0.0);
-        match Plane::new(simd, three, rows, corners.view.is_perspective()) {
-            Some((plane, counter_clockwise)) => Self {
-                plane: Some(plane),
-                facing: signed(counter_clockwise == as_wound),
-                hand,
-            },
+        let [a, b, c] = [
+            vertices[0] as usize,
+            vertices[1] as usize,
+            vertices[2] as usize,
+        ];
+        let rows = [&geometry.rows[a], &geometry.rows[b], &geometry.rows[c]];
+        let three = [&corners.list[a], &corners.list[b], &corners.list[c]];
+        let plane = Plane::new(simd, three, rows, corners.view.is_perspective());
+        let outside = match &plane {
+            Some((_, counter_clockwise)) => *counter_clockwise == kind.as_wound,
             None => {
                 // A plane is seen from one side, wherever on it one looks.
-                let toward = corners
-                    .view
-                    .toward_any_length(mesh.positions[vertices[0] as usize]);
-                Self {
-                    plane: None,
-                    facing: signed(outward(mesh, vertices).normal.dot(toward) >= 0.0),
-                    hand,
-                }
+                let toward = corners.view.toward_any_length(mesh.positions[a]);
+                outward(mesh, vertices).normal.dot(toward) >= 0.0
             }
+        };
+        Self {
+            steady: plane.is_some() && kind.steady,
+            plane: plane.map(|(plane, _)| plane),
+            facing: if outside { 1.0 } else { -1.0 },
+            hand: if kind.right_handed { 1.0 } else { -1.0 },
         }
     }
 }
@@ -629,16 +614,11 @@ fn resolve_all<S: Simd>(
             splat(&mut out.hand, start, surface.hand);
         }
         match &surface.plane {
-            Some(plane) => {
-                plane.fill(simd, run.clone(), corner, places, changes, out);
-                if !plane.steady {
-                    mend_normals(careful, triangle, run, out);
-                }
-            }
-            None => {
-                fill_carefully(simd, careful, triangle, run.clone(), (corner, places), out);
-                mend_normals(careful, triangle, run, out);
-            }
+            Some(plane) => plane.fill(simd, run.clone(), corner, places, changes, out),
+            None => fill_carefully(simd, careful, triangle, run.clone(), (corner, places), out),
+        }
+        if !surface.steady {
+            mend_normals(careful, triangle, run, out);
         }
     }
     next

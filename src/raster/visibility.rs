@@ -514,6 +514,15 @@ impl Drawn {
 /// Columns or rows of tiles.
 type Span = Range<usize>;
 
+/// From the first to the last of two spans, the former of which may be empty.
+fn hull(a: &Span, b: &Span) -> Span {
+    if a.is_empty() {
+        b.clone()
+    } else {
+        a.start.min(b.start)..a.end.max(b.end)
+    }
+}
+
 /// The setups of a block of triangles, and for each tile that any of them touches which ones do.
 struct Block {
     setups: Vec<Setup>,
@@ -529,17 +538,13 @@ struct Block {
 impl Block {
     fn new(setups: Vec<Setup>, window: Rect) -> Self {
         let touched: Vec<_> = setups.iter().map(|s| tiles_of(s, window)).collect();
-        let inside = || {
-            let some = |(c, r): &&(Span, Span)| !c.is_empty() && !r.is_empty();
-            touched.iter().filter(some)
-        };
-        let hull = |spans: &mut dyn Iterator<Item = &Span>| -> Span {
-            let all = spans.cloned();
-            all.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end))
-                .unwrap_or(0..0)
-        };
-        let columns = hull(&mut inside().map(|(c, _)| c));
-        let rows = hull(&mut inside().map(|(_, r)| r));
+        let (mut columns, mut rows) = (0..0, 0..0);
+        for (c, r) in &touched {
+            if !c.is_empty() && !r.is_empty() {
+                columns = hull(&columns, c);
+                rows = hull(&rows, r);
+            }
+        }
         let across = columns.len();
         let mut block = Self {
             setups,
@@ -774,7 +779,9 @@ fn set_up_all<S: Simd>(
 ) {
     let nearer = corners.view.nearer();
     for (triangle, index) in triangles.iter().zip(first..) {
-        let three = triangle.map(|i| &corners.list[i as usize]);
+        let list = &corners.list;
+        let [a, b, c] = triangle;
+        let three = [&list[*a as usize], &list[*b as usize], &list[*c as usize]];
         let [a, b, c] = three;
         // One comparison for both: what has no place is at the ends of the range.
         let placed = |c: &Corner| c.x != Corner::CLIP && c.x != Corner::NONE;
