@@ -326,6 +326,21 @@ pub(super) fn lobes<S: Simd>(_: S, chunk: &mut Chunk, n: usize, widen: bool) {
     }
 }
 
+/// The same from one texel everywhere, not widened: a lobe where the mesh has a tangent, another where it has none.
+#[simd]
+pub(super) fn lobes_alike<S: Simd>(_: S, chunk: &mut Chunk, n: usize, texel: [f32; 4]) {
+    let [x, y, c, s] = settled(texel, 1.0);
+    let directed = kernel::prepare(x, y, c, s);
+    let [x, y, c, s] = settled(texel, 0.0);
+    let round = kernel::prepare(x, y, c, s);
+    for k in 0..4 {
+        let (directed, round) = (directed[k], round[k]);
+        for i in 0..n.min(CHUNK) {
+            chunk.lobe[k][i] = choose(chunk.usable[i] > 0.5, directed, round);
+        }
+    }
+}
+
 /// As [`settle`](crate::map::settle), and of the same variance in every direction where the mesh has no tangent.
 #[inline(always)]
 fn settled([x, y, cos2, sin2]: [f32; 4], usable: f32) -> [f32; 4] {

@@ -296,7 +296,12 @@ impl<'a> Shader<'a> {
                 } else {
                     chunk.share[..n].fill(1.0);
                 }
-                dispatch!(level, simd => packed::lobes(simd, chunk, n, quality.widening));
+                match self.mean {
+                    Some(texel) if !quality.widening => {
+                        dispatch!(level, simd => packed::lobes_alike(simd, chunk, n, texel));
+                    }
+                    _ => dispatch!(level, simd => packed::lobes(simd, chunk, n, quality.widening)),
+                }
             });
             timings.time(Stage::Shade, || {
                 for light in &self.scene.lights {
