@@ -5,7 +5,7 @@
 //! Run with `cargo bench --bench preview`. One line per case:
 //! `case=torus-map threads=2 ms_min=… ms_median=…`. `control` is arithmetic without memory, spread as the picture's tiles are:
 //! what a second core can bring on this machine. `tone` is the way from linear light to eight bits, which `torus-…` leave out.
-//! `case=stages` lines say where the time of one thread goes.
+//! `covered` counts the pixels that see the torus. `case=stages` lines say where the time of one thread goes.
 //!
 //! Words after `--` choose cases by the beginnings of their names: `cargo bench --bench preview -- control torus-map`. Two
 //! variables let the picture be compared with another renderer's: `ANISOMAP_BENCH_MAP` names an OpenEXR file with the
@@ -21,7 +21,7 @@ use anisomap::preview::{
     Background, Light, Look, Material, Picture, Prepared, Quality, Scene, Stage, Subject, Timings,
 };
 use anisomap::progress::Progress;
-use anisomap::raster::{Camera, Projection};
+use anisomap::raster::{Camera, Cull, GBuffer, Geometry, Projection, Tile, View};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::TAU;
@@ -218,6 +218,16 @@ fn milliseconds(work: impl FnOnce()) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
 }
 
+/// Pixels that see the torus, lit or not.
+fn covered(mesh: &Mesh, size: Size) -> usize {
+    let geometry = Geometry::new(mesh).expect("a mesh that fits together");
+    let view = View::new(&scene().camera, size).expect("a camera");
+    let window = size.rect();
+    let buffer = GBuffer::draw(&geometry, &view, window, Cull::Back, &Progress::none());
+    let tiles = buffer.expect("nobody cancels");
+    tiles.tiles().iter().map(Tile::covered).sum()
+}
+
 /// Runs `work` in pools of one and two threads by turns, so that whatever else the machine does hits both alike.
 fn report(name: &str, rounds: usize, mut work: impl FnMut() + Send) {
     if !is_wanted(name) {
@@ -309,8 +319,7 @@ fn main() {
     }
     let mut picture = with_map.picture();
     with_map.draw(&mut picture, &Timings::off());
-    let covered = picture.pixels().iter().filter(|p| p[0] > 0.0).count();
-    println!("case=covered pixels={covered}");
+    println!("case=covered pixels={}", covered(&mesh, picture.size()));
     if let Some(path) = std::env::var_os("ANISOMAP_BENCH_PICTURE") {
         let bytes: Vec<u8> = picture
             .pixels()
