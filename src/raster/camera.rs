@@ -300,6 +300,16 @@ pub struct Rays {
 }
 
 impl Rays {
+    /// The distance along the line of sight of what has this [`q`](super::Lanes::q).
+    #[inline(always)]
+    pub fn distance(&self, q: f32) -> f32 {
+        if self.perspective {
+            self.unit / q
+        } else {
+            self.unit * q
+        }
+    }
+
     /// The world position of a sample at a distance along the line of sight.
     pub fn position(&self, column: f32, row: f32, distance: f32) -> Vec3 {
         let aside = if self.perspective { distance } else { 1.0 } * self.per_sample;

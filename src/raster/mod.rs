@@ -106,6 +106,19 @@ impl Tile {
         self.seen.is_empty()
     }
 
+    /// Leaves out what is seen by samples of which `is_kept` says no, by column and row in the whole picture.
+    pub fn keep(&mut self, is_kept: impl Fn(u32, u32) -> bool) {
+        let rect = self.rect;
+        let lines = self.seen.chunks_mut(visibility::STRIDE);
+        for (row, line) in (rect.y..rect.y + rect.height).zip(lines) {
+            for (column, triangle) in (rect.x..rect.x + rect.width).zip(line) {
+                if !is_kept(column, row) {
+                    *triangle = visibility::NOTHING;
+                }
+            }
+        }
+    }
+
     /// How many samples see something.
     pub fn covered(&self) -> usize {
         let seen = |t: &&u32| **t != visibility::NOTHING;

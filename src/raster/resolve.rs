@@ -164,13 +164,8 @@ impl Fragments {
     /// World position.
     pub fn position(&self, i: usize) -> Vec3 {
         let l = &self.lanes;
-        let unit = self.rays.unit;
-        let distance = if self.rays.perspective {
-            unit / l.q[i]
-        } else {
-            unit * l.q[i]
-        };
-        self.rays.position(l.column[i], l.row[i], distance)
+        self.rays
+            .position(l.column[i], l.row[i], self.rays.distance(l.q[i]))
     }
 
     /// 1, or -1 where the surface is seen from the side its normals point away from.

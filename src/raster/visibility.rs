@@ -19,6 +19,7 @@ use fearless_simd_macros::simd;
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Fractional bits of a screen coordinate.
 const SUBPIXEL_BITS: u32 = 8;
@@ -36,6 +37,8 @@ const BLOCK: usize = 1 << 10;
 const BATCH_MAX: usize = 1 << 17;
 /// Entries of bins, if every triangle touched every tile.
 const ENTRIES_MAX: usize = 1 << 27;
+/// Times that triangles and some tiles may meet: about 80 bytes each.
+const MEETINGS_MAX: usize = 1 << 22;
 /// Samples that are decided at once.
 const LANES: usize = 16;
 /// Samples from one row of a tile to the next: a row of lanes may begin at any of its samples.
@@ -654,6 +657,62 @@ impl Bins {
             across: window.width.div_ceil(TILE) as usize,
             blocks,
         }
+    }
+
+    /// For some tiles of a window only: `wanted` holds the number of each tile among them, or `u32::MAX`. Each comes out as a window
+    /// of its own, of one tile. `None` when triangles and tiles meet more than 2^22 times.
+    ///
+    /// # Panics
+    /// When the window reaches outside the picture, or the corners are of other geometry.
+    pub fn some(
+        geometry: &Geometry<'_>,
+        corners: &Corners,
+        window: Rect,
+        cull: Cull,
+        wanted: &[u32],
+    ) -> Option<Vec<Self>> {
+        let tiles: Vec<Rect> = window.tiles(TILE).collect();
+        assert_eq!(wanted.len(), tiles.len(), "a number for each tile");
+        let across = window.width.div_ceil(TILE) as usize;
+        let met = AtomicUsize::new(0);
+        let level = math::level();
+        let triangles = geometry.mesh().triangles.par_chunks(BLOCK).enumerate();
+        let meetings: Vec<Vec<(u32, Setup)>> = triangles
+            .map(|(block, triangles)| {
+                let first = (block * BLOCK) as u32;
+                let mut setups = Vec::with_capacity(triangles.len());
+                dispatch!(level, simd => set_up_all(simd, (geometry, corners), (triangles, first), cull, &mut setups));
+                let mut list = Vec::new();
+                for setup in &setups {
+                    let (columns, rows) = tiles_of(setup, window);
+                    for row in rows {
+                        let near = &wanted[row * across..][columns.clone()];
+                        let before = list.len();
+                        list.extend(near.iter().filter(|n| **n != u32::MAX).map(|n| (*n, *setup)));
+                        let more = list.len() - before;
+                        if met.fetch_add(more, Ordering::Relaxed) + more > MEETINGS_MAX {
+                            return None;
+                        }
+                    }
+                }
+                Some(list)
+            })
+            .collect::<Option<_>>()?;
+        let numbered = || tiles.iter().zip(wanted).filter(|(_, n)| **n != u32::MAX);
+        let mut rects = vec![window; numbered().count()];
+        numbered().for_each(|(tile, n)| rects[*n as usize] = *tile);
+        let mut lists = vec![Vec::new(); rects.len()];
+        for (n, setup) in meetings.into_iter().flatten() {
+            lists[n as usize].push(setup);
+        }
+        let bins = lists.iter().zip(rects).map(|(setups, rect)| Self {
+            across: 1,
+            blocks: setups
+                .chunks(BLOCK)
+                .map(|setups| Block::new(setups.to_vec(), rect))
+                .collect(),
+        });
+        Some(bins.collect())
     }
 
     /// Whether any triangle comes near tile number `i`.
