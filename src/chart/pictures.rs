@@ -145,12 +145,17 @@ enum MapUse {
 
 /// Every way to draw a subject: the base first.
 fn methods(is_far: bool) -> Result<Vec<Method>> {
+    // So many samples everywhere: otherwise no other way could show at outlines what it is worth.
+    let quality = Quality {
+        outlines: false,
+        ..Quality::default()
+    };
     let base = |group, name: &str| Method {
         group,
         name: name.to_owned(),
         look: Look::default(),
         samples: 2,
-        quality: Quality::default(),
+        quality,
         map: MapUse::Plain,
     };
     let mut all = vec![base("base", "base: ward, f32, 2x2")];
@@ -170,11 +175,11 @@ fn methods(is_far: bool) -> Result<Vec<Method>> {
     }
     let no_mips = Quality {
         mips: false,
-        ..Quality::default()
+        ..quality
     };
     let no_widening = Quality {
         widening: false,
-        ..Quality::default()
+        ..quality
     };
     for samples in if is_far { 1..=4 } else { 2..=2 } {
         let grid = if is_far {
@@ -211,6 +216,13 @@ fn methods(is_far: bool) -> Result<Vec<Method>> {
         all.push(Method {
             samples,
             ..base("samples", &format!("{samples}x{samples} samples"))
+        });
+    }
+    for samples in [1, 2] {
+        all.push(Method {
+            samples,
+            quality: Quality::default(),
+            ..base("samples", &format!("{samples}x{samples}, outlines 4x4"))
         });
     }
     Ok(all)

@@ -171,8 +171,8 @@ pub(super) struct PreviewArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=48))]
     pub(super) samples: Option<u32>,
     /// What is spent on a sample: plain (one fetch, one formula), standard (footprints averaged, highlights finer than a
-    /// sample widened), or reference (f64, 64 samples a pixel, nothing approximated: slow, to measure against). Default:
-    /// standard. Example: --quality reference
+    /// sample widened, outlines with 4x4 samples), or reference (f64, 64 samples a pixel, nothing approximated: slow, to measure
+    /// against). Default: standard. Example: --quality reference
     #[arg(
         long,
         value_name = "QUALITY",

@@ -7,11 +7,14 @@
 //! | a rectangle of the map | the pixels are lit anew whose fetches may reach it |
 //! | nothing | nothing |
 //!
+//! Pixels at outlines, which take more samples, are drawn in tiles of their own and treated alike.
+//!
 //! Whatever was done, the picture is bit for bit the one that drawing everything gives.
 
+use super::outline::{Finder, Outline, outline_scene};
 use super::prepared::{Prepared, cull};
 use super::shade::{Desk, Lines};
-use super::{Look, Material, Picture, Scene, Stage, Timings, sample_grid};
+use super::{Look, Material, Picture, Quality, SAMPLES_MAX, Scene, Stage, Timings, sample_grid};
 use crate::error::Result;
 use crate::map::{AnisoMap, Rect, Size};
 use crate::math;
@@ -55,6 +58,9 @@ struct Kept {
     geometry: u64,
     corners: Corners,
     tiles: Vec<Tile>,
+    /// The pixels that are drawn again with more samples.
+    outline: Option<Outline>,
+    outlines: bool,
     /// The parts of the map that each tile sees; worked out when the map first changes.
     reaches: Option<Reaches>,
 }
@@ -120,6 +126,7 @@ impl Frame {
             k.view == view
                 && k.samples == scene.samples
                 && k.cull == cull(scene)
+                && k.outlines == scene.quality.outlines
                 && k.geometry == subject.geometry.id()
         });
         let before = self.shown.take();
@@ -188,6 +195,10 @@ impl Frame {
         let half = Size::new(size.width().div_ceil(2), size.height().div_ceil(2))?;
         let scene = Scene {
             samples: 1,
+            quality: Quality {
+                outlines: false,
+                ..scene.quality
+            },
             ..scene.clone()
         };
         let small = subject
@@ -234,9 +245,10 @@ impl Job<'_> {
             Plan::new(geometry, &corners, window, cull(scene), progress)
         })?;
         let shader = subject.shader(scene, picture.size(), look);
+        let finder = Finder::new(scene, picture.size());
         let changes = scene.quality.needs_changes();
         progress.expect(tiles.len() as u64);
-        let pictures = std::slice::from_mut(picture);
+        let pictures = std::slice::from_mut(&mut *picture);
         subject.each_tile(
             window,
             &mut tiles,
@@ -247,10 +259,18 @@ impl Job<'_> {
                 timings.time(Stage::Resolve, || {
                     tile.resolve(geometry, &corners, changes, &mut desk.fragments);
                 });
+                if let Some(finder) = &finder {
+                    finder.look(i, tile.rect, scene.samples, desk);
+                }
                 shader.tile(tile.rect, desk, &mut lines[0], timings);
                 progress.step()
             },
         )?;
+        let outline = finder.map(|f| f.finish(geometry, scene, picture.size(), timings));
+        let mut outline = outline.transpose()?.flatten();
+        if let Some(outline) = &mut outline {
+            self.light_outline(outline, picture, |_| true)?;
+        }
         Ok(Kept {
             view,
             samples: scene.samples,
@@ -258,6 +278,8 @@ impl Job<'_> {
             geometry: geometry.id(),
             corners,
             tiles,
+            outline,
+            outlines: scene.quality.outlines,
             reaches: None,
         })
     }
@@ -271,6 +293,33 @@ impl Job<'_> {
             |_| true,
             |tile, desk, lines| {
                 shader.tile(tile, desk, lines, self.timings);
+            },
+        )?;
+        match &mut kept.outline {
+            Some(outline) => self.light_outline(outline, picture, |_| true),
+            None => Ok(()),
+        }
+    }
+
+    /// Lights the outline's tiles that are wanted.
+    fn light_outline(
+        &self,
+        outline: &mut Outline,
+        picture: &mut Picture,
+        is_wanted: impl Fn(usize) -> bool + Sync,
+    ) -> Result<()> {
+        let scene = outline_scene(self.scene);
+        let shader = self.subject.shader(&scene, picture.size(), self.look);
+        let to = (&scene, std::slice::from_mut(picture));
+        let watch = (self.timings, self.progress);
+        outline.each(
+            self.subject,
+            to,
+            true,
+            watch,
+            is_wanted,
+            |_, rect, desk, lines| {
+                shader.pixels_of_fragments(rect, desk, &mut lines[0], self.timings);
             },
         )
     }
@@ -305,19 +354,24 @@ impl Job<'_> {
                 shader.pixels_of_fragments(tile, desk, lines, self.timings);
             },
         )?;
-        let tiles = kept
-            .tiles
-            .iter()
-            .zip(touched)
-            .filter(|(_, touched)| *touched);
-        Ok(tiles
-            .map(|(tile, _)| Rect {
-                x: tile.rect.x / samples,
-                y: tile.rect.y / samples,
-                width: tile.rect.width / samples,
-                height: tile.rect.height / samples,
-            })
-            .collect())
+        let pixels = |rect: Rect, samples: u32| Rect {
+            x: rect.x / samples,
+            y: rect.y / samples,
+            width: rect.width / samples,
+            height: rect.height / samples,
+        };
+        let tiles = kept.tiles.iter().zip(&touched).filter(|(_, t)| **t);
+        let mut rects: Vec<Rect> = tiles.map(|(tile, _)| pixels(tile.rect, samples)).collect();
+        if let Some(outline) = &mut kept.outline {
+            // Pixels that were lit with few samples just now, and those whose many samples see the change.
+            let near = outline.near(&touched, samples);
+            let reaches = &kept.reaches.as_ref().expect("made above").outline;
+            let is_wanted = |i: usize| near[i] || reaches[i].meets(&cells);
+            self.light_outline(outline, picture, is_wanted)?;
+            let lit = outline.rects().enumerate().filter(|(i, _)| is_wanted(*i));
+            rects.extend(lit.map(|(_, rect)| pixels(rect, SAMPLES_MAX)));
+        }
+        Ok(rects)
     }
 
     /// Calls `light` for the tiles that are wanted, with their fragments on the desk.
@@ -379,8 +433,13 @@ impl Job<'_> {
                 Cells::seen(subject.map(), fragments, scene.quality.mips)
             }))
         });
+        let tiles = cells.collect::<Result<_>>()?;
+        let see = |f: &Fragments| Cells::seen(subject.map(), f, scene.quality.mips);
+        let outline = kept.outline.as_ref();
+        let outline = outline.map(|o| o.see(subject, changes, progress, see));
         Ok(Reaches {
-            tiles: cells.collect::<Result<_>>()?,
+            tiles,
+            outline: outline.transpose()?.unwrap_or_default(),
             mips: scene.quality.mips,
         })
     }
@@ -389,6 +448,8 @@ impl Job<'_> {
 /// What parts of the map each tile sees.
 struct Reaches {
     tiles: Vec<Cells>,
+    /// And each of the outline's, in its marked pixels.
+    outline: Vec<Cells>,
     /// Whether footprints are averaged: then fetches reach farther.
     mips: bool,
 }

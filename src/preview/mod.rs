@@ -3,7 +3,7 @@
 //! A picture is drawn tile by tile: which triangle each sample sees, then one shading pass per [`Look`] while the tile is in
 //! the cache, so that looks side by side share their geometry. A [`Frame`] keeps what was seen, and later pictures of it cost
 //! only what changed. Light is linear until [`Picture::to_srgb8`]; supersampling is a box filter in
-//! linear light. The same input gives the same bytes with any number of threads.
+//! linear light, and pixels at outlines take 4x4 samples. The same input gives the same bytes with any number of threads.
 //!
 //! The sum is the paper's: I = k_a I_a + sum of E_i (rho_d / pi (n.l) + rho_s f(l, v) (n.l)), where a light contributes
 //! nothing from behind the surface.
@@ -12,6 +12,7 @@ mod caption;
 mod difference;
 mod frame;
 mod look;
+mod outline;
 mod packed;
 mod picture;
 mod prepared;

@@ -1,5 +1,6 @@
 //! A subject made ready to be drawn again and again, and the drawing of its tiles.
 
+use super::outline::{Finder, outline_scene};
 use super::shade::{Desk, Lines, Shader, split};
 use super::{Look, Material, Picture, Scene, Stage, Timings, sample_grid};
 use crate::error::Result;
@@ -162,12 +163,16 @@ impl<'a> Prepared<'a> {
             .iter()
             .map(|look| self.shader(scene, size, *look))
             .collect();
+        let outline_scene = outline_scene(scene);
         let changes = scene.quality.needs_changes();
         let bands: Vec<Rect> = bands(view.size(), BAND_SAMPLES).collect();
         let tiles = |band: &Rect| Tile::of(*band).len() as u64;
         progress.expect(bands.iter().map(tiles).sum());
+        let finder = Finder::new(scene, size);
+        let mut first = 0;
         for band in bands {
             let mut tiles = Tile::of(band);
+            let count = tiles.len();
             let plan = timings.time(Stage::Bin, || {
                 let window = (band, &mut tiles[..]);
                 Plan::new(&self.geometry, &corners, window, cull(scene), progress)
@@ -190,14 +195,32 @@ impl<'a> Prepared<'a> {
                     timings.time(Stage::Resolve, || {
                         tile.resolve(&self.geometry, &corners, changes, &mut desk.fragments);
                     });
+                    if let Some(finder) = &finder {
+                        finder.look(first + i, rect, scene.samples, desk);
+                    }
                     for (shader, lines) in shaders.iter().zip(lines) {
                         shader.tile(rect, desk, lines, timings);
                     }
                     progress.step()
                 },
             )?;
+            first += count;
         }
-        Ok(())
+        let outline = finder.map(|f| f.finish(&self.geometry, scene, size, timings));
+        match outline.transpose()?.flatten() {
+            Some(mut outline) => {
+                let light = |_: usize, rect, desk: &mut Desk, lines: &mut [Lines<'_>]| {
+                    for (look, lines) in looks.iter().zip(lines) {
+                        let shader = self.shader(&outline_scene, size, *look);
+                        shader.pixels_of_fragments(rect, desk, lines, timings);
+                    }
+                };
+                let to = (&outline_scene, pictures);
+                let watch = (timings, progress);
+                outline.each(self, to, false, watch, |_| true, light)
+            }
+            None => Ok(()),
+        }
     }
 
     /// Work with what a thread works in.

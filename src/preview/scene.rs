@@ -147,6 +147,9 @@ pub struct Quality {
     pub widening: bool,
     /// Surfaces that wind clockwise as seen from the eye are drawn too, as open surfaces need.
     pub back_faces: bool,
+    /// Pixels in which a surface ends, breaks off or turns sharply are drawn with 4x4 samples, whatever the others have. Pictures
+    /// of more than 2^26 samples, or 2^24 pixels, are drawn without.
+    pub outlines: bool,
 }
 
 impl Quality {
@@ -155,6 +158,7 @@ impl Quality {
         mips: false,
         widening: false,
         back_faces: false,
+        outlines: false,
     };
 
     /// Whether it takes the change of attributes from sample to sample.
@@ -169,6 +173,7 @@ impl Default for Quality {
             mips: true,
             widening: true,
             back_faces: true,
+            outlines: true,
         }
     }
 }

@@ -12,6 +12,7 @@
 
 use super::Material;
 use super::look::Look;
+use super::outline::Field;
 use super::packed::{self, CHUNK, Chunk, Given};
 use super::scene::{Light, SAMPLES_MAX, Scene};
 use super::timings::{Stage, Timings};
@@ -75,6 +76,8 @@ pub(super) struct Desk {
     pub(super) tile: Tile,
     pub(super) fragments: Fragments,
     chunk: Box<Chunk>,
+    /// Where outlines are looked for.
+    pub(super) field: Box<Field>,
     /// Light and number of samples of each pixel of a tile, when a pixel has several.
     sums: Vec<([f32; 3], u32)>,
 }
@@ -86,6 +89,7 @@ impl Desk {
             tile: Tile::default(),
             fragments: Fragments::new(),
             chunk: Box::new(Chunk::new()),
+            field: Box::new(Field::new()),
             sums: Vec::new(),
         }
     }

@@ -624,6 +624,24 @@ fn a_frame_does_no_more_than_what_changed_and_is_always_the_whole_picture() {
             ));
         }
     }
+    // Outlines that are drawn with more samples than the rest, or not.
+    for (samples, outlines) in [(1, true), (3, true), (3, false), (2, true)] {
+        studio.scene.samples = samples;
+        studio.scene.quality.outlines = outlines;
+        assert_eq!(
+            studio.check(&mut frame, &prepared, WARD),
+            Redrawn::Everything
+        );
+        for k in 0..16 {
+            paint(&mut prepared, dab(37 * k % 500, 91 * k % 500, 5, 5));
+            assert!(matches!(
+                studio.check(&mut frame, &prepared, WARD),
+                Redrawn::Tiles(_)
+            ));
+        }
+        studio.scene.exposure += 0.25;
+        assert_eq!(studio.check(&mut frame, &prepared, WARD), Redrawn::Light);
+    }
     // More than is remembered.
     for i in 0..65 {
         paint(&mut prepared, dab(i, i, 1, 1));
