@@ -17,6 +17,7 @@ pub mod convention;
 pub mod coverage;
 pub mod pattern;
 
+pub mod guide;
 pub mod paint;
 
 pub mod filter;

@@ -1,24 +1,17 @@
 //! The line field of the grooves: where it jumps at the map's edge, and where it has poles.
 //!
-//! Between neighbouring texels the double-angle vector of the groove turns by some angle. Around a loop of four texels the
-//! turns add up to a whole number of full ones: 0 nearly everywhere. Where they do not, a pole lies inside, and half the number
-//! is its index: +1 the centre of circles or spokes, +1/2 the end of a fold, -1/2 a three-armed star. Texels without a direction
-//! (ratio up to [`DIRECTED_RATIO`]) have no turn, so a pole inside an isotropic patch is none.
+//! What a pole is, and its index, stands in `map/winding.rs`. Texels without a direction (ratio up to [`DIRECTED_RATIO`])
+//! have no turn, so a pole inside an isotropic patch is none.
 
 use super::{DIRECTED_RATIO, Place};
-use crate::map::AnisoMap;
-use crate::math;
+use crate::map::{AnisoMap, LOOPS_MAX, Turning, gather, turn, turns_around};
 use glam::Vec2;
 use rayon::prelude::*;
-use std::f32::consts::TAU;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 /// Rows that one thread takes at a time.
 const BAND: u32 = 32;
-
-/// More turning loops than this are no poles but a field that is rough everywhere: scratches, threads, noise.
-const POLES_MAX: usize = 4096;
 
 /// A jump at the edge from this on is counted, in degrees.
 pub(super) const JUMP_DEGREES: f32 = 10.0;
@@ -54,9 +47,6 @@ pub(super) enum Poles {
     /// Where each is and twice its index, from the top; loops closer than three texels are one pole.
     Each(Vec<(Place, i32)>),
 }
-
-/// A loop of four texels that turns: the place of its upper left texel and how often.
-type Turning = (Place, i32);
 
 /// Sums of jumps in millionths of a degree: whole numbers, which come together in any order.
 #[derive(Clone, Copy, Default)]
@@ -103,13 +93,6 @@ fn grooves(map: &AnisoMap, row: u32) -> Vec<Vec2> {
             Vec2::new(map.cos2()[i], map.sin2()[i]) * sign
         })
         .collect()
-}
-
-/// The angle from `a` to `b` in radians, in [-pi, pi]; NaN where either has none.
-fn turn(a: Vec2, b: Vec2) -> f32 {
-    let (cross, dot) = (a.x * b.y - a.y * b.x, a.x * b.x + a.y * b.y);
-    let angle = math::atan2(cross, dot);
-    if dot.is_nan() { f32::NAN } else { angle }
 }
 
 /// Turns from each texel of a row to the next one on the right, around the edge where the map repeats.
@@ -190,13 +173,12 @@ fn walk_band(map: &AnisoMap, band: Range<u32>, columns: &Mutex<Vec<Jumps>>) -> B
             } else {
                 down[0]
             };
-            // Right, down, left, up is clockwise; angles count the other way. A NaN is 0 as a whole number.
-            let turns = -((top + right - bottom - down[i]) / TAU).round() as i32;
+            let turns = turns_around(top, right, bottom, down[i]);
             if turns != 0 {
                 found.turning_count += 1;
-                if found.turning.len() <= POLES_MAX {
+                if found.turning.len() <= LOOPS_MAX {
                     let x = u32::try_from(i).expect("a side of a map fits 32 bits");
-                    found.turning.push((Place { x, y }, turns));
+                    found.turning.push(Turning { x, y, turns });
                 }
             }
         }
@@ -221,40 +203,14 @@ fn seam(ring: &[Jumps], repeats: bool, (jumps, first): (u64, Option<Place>)) -> 
     })
 }
 
-/// Takes loops within two texels of each other together and adds their turns. A pole that falls on the corner of four texels,
-/// whose turns are half circles of either sign, is thus counted right: around it nothing is in doubt.
-fn gather(map: &AnisoMap, turning: &[Turning]) -> Vec<Turning> {
-    let apart = |a: u32, b: u32, n: u32, repeats: bool| {
-        let d = a.abs_diff(b);
-        if repeats { d.min(n - d) } else { d }
+/// Where each pole is and twice its index.
+fn poles(map: &AnisoMap, turning: &[Turning]) -> Vec<(Place, i32)> {
+    let pole = |group: &Vec<Turning>| {
+        let Turning { x, y, .. } = group[0];
+        (Place { x, y }, group.iter().map(|t| t.turns).sum())
     };
-    let near = |a: Place, b: Place| {
-        apart(a.x, b.x, map.width(), map.wrap().repeats_u()) <= 2
-            && apart(a.y, b.y, map.height(), map.wrap().repeats_v()) <= 2
-    };
-    let mut seen = vec![false; turning.len()];
-    let mut poles = Vec::new();
-    for start in 0..turning.len() {
-        if seen[start] {
-            continue;
-        }
-        seen[start] = true;
-        let mut sum = 0;
-        let mut open = vec![start];
-        while let Some(i) = open.pop() {
-            sum += turning[i].1;
-            for j in 0..turning.len() {
-                if !seen[j] && near(turning[i].0, turning[j].0) {
-                    seen[j] = true;
-                    open.push(j);
-                }
-            }
-        }
-        if sum != 0 {
-            poles.push((turning[start].0, sum));
-        }
-    }
-    poles
+    let groups = gather(map.size(), map.wrap(), turning);
+    groups.iter().map(pole).collect()
 }
 
 /// Walks over all pairs and loops of neighbours.
@@ -279,8 +235,10 @@ pub(super) fn walk(map: &AnisoMap) -> Field {
         seam_v = merge_jumps(seam_v, band.seam_v);
     }
     let poles = match turning.first() {
-        Some(&(first, _)) if count > POLES_MAX as u64 => Poles::Rough(count, first),
-        _ => Poles::Each(gather(map, &turning)),
+        Some(&Turning { x, y, .. }) if count > LOOPS_MAX as u64 => {
+            Poles::Rough(count, Place { x, y })
+        }
+        _ => Poles::Each(poles(map, &turning)),
     };
     Field {
         seam_u: seam(&columns, map.wrap().repeats_u(), seam_u),
@@ -294,6 +252,7 @@ mod tests {
     use super::*;
     use crate::map::{Size, Texel, Wrap};
     use crate::math::Axis;
+    use std::f32::consts::TAU;
 
     /// A map whose groove at (x, y) from the middle, y up, points at `angle(x, y)` radians; isotropic within `cap` texels.
     fn map(
@@ -323,7 +282,7 @@ mod tests {
         map
     }
 
-    fn poles(map: &AnisoMap) -> Vec<Turning> {
+    fn poles(map: &AnisoMap) -> Vec<(Place, i32)> {
         match walk(map).poles {
             Poles::Each(poles) => poles,
             Poles::Rough(n, place) => panic!("{n} from {place:?}"),

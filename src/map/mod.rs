@@ -6,10 +6,13 @@
 mod lobe;
 mod region;
 mod sample;
+mod winding;
 
 pub use lobe::SlopeCovariance;
 pub use region::{Rect, Region, RegionMut, SIDE_MAX, Size, TEXELS_MAX};
 pub use sample::Footprint;
+pub(crate) use winding::{LOOPS_MAX, Turning, gather, turn, turns_around};
+pub use winding::{Singularity, singularities};
 
 use crate::error::Result;
 use crate::math::{AXIS_MIN_LENGTH, Axis};

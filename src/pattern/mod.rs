@@ -93,7 +93,7 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    const fn new(
+    pub(crate) const fn new(
         key: &'static str,
         unit: &'static str,
         range: RangeInclusive<f64>,
@@ -108,17 +108,17 @@ impl Parameter {
     }
 
     /// A slope width.
-    const fn alpha(key: &'static str, doc: &'static str) -> Self {
+    pub(crate) const fn alpha(key: &'static str, doc: &'static str) -> Self {
         Self::new(key, "slope width", 1e-3..=1.5, doc)
     }
 
     /// An angle, counter-clockwise from +U.
-    const fn angle(key: &'static str, doc: &'static str) -> Self {
+    pub(crate) const fn angle(key: &'static str, doc: &'static str) -> Self {
         Self::new(key, "degrees", -360.0..=360.0, doc)
     }
 
     /// A part of one.
-    const fn fraction(key: &'static str, doc: &'static str) -> Self {
+    pub(crate) const fn fraction(key: &'static str, doc: &'static str) -> Self {
         Self::new(key, "", 0.0..=1.0, doc)
     }
 }
@@ -202,7 +202,7 @@ impl Pattern {
 }
 
 /// Holds every number of `pattern` against the table of its parameters.
-fn check(pattern: &impl Serialize, parameters: &[Parameter]) -> Result<()> {
+pub(crate) fn check(pattern: &impl Serialize, parameters: &[Parameter]) -> Result<()> {
     let table = toml::Value::try_from(pattern).expect("a pattern is plain data");
     parameters.iter().try_for_each(|p| {
         match p.key.split('.').try_fold(&table, |t, key| t.get(key)) {

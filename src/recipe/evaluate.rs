@@ -1,7 +1,7 @@
 //! A recipe to a map, in two steps: [`Recipe::prepare`] does once what needs the whole; [`Prepared::fill`] is pure and
 //! gives for any rectangle exactly what the whole would.
 
-use super::layer::{Blend, derived_seed};
+use super::layer::{Blend, below, derived_seed};
 use super::{Channels, Files, Layer, Mask, MaskSource, Recipe, Source};
 use crate::coverage::DrawnMask;
 use crate::error::{Error, Result};
@@ -236,6 +236,10 @@ fn prepare_source(
             Arc::new(laid)
         }
         Source::Stored(stored) => Arc::new(stored.prepare(&format!("{key}.stored"), own, files)?),
+        Source::Guides(guides) => {
+            let at = below(format!("{key}.guides"));
+            Arc::new(guides.prepare(own, progress).map_err(at)?)
+        }
         Source::Strokes(strokes) => {
             let painting = Painting::new(own, strokes, progress)?;
             return Ok((PreparedSource::Strokes(Arc::new(painting)), mended));

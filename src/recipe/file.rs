@@ -173,7 +173,7 @@ impl RecipeFile {
                         .filter(|m| is_path(m))
                         .for_each(rename);
                 }
-                Source::Pattern(_) => {}
+                Source::Pattern(_) | Source::Guides(_) => {}
             }
         }
         update(moved.document.as_table_mut(), &self.recipe, &moved.recipe);
@@ -195,7 +195,7 @@ impl RecipeFile {
             Source::Image(image) => vec![&image.file],
             Source::Stored(stored) => stored.files().collect(),
             Source::Strokes(strokes) => strokes.mesh.iter().filter(|m| is_path(m)).collect(),
-            Source::Pattern(_) => vec![],
+            Source::Pattern(_) | Source::Guides(_) => vec![],
         });
         let mesh = self.recipe.mesh.as_ref().filter(|m| is_path(m));
         named.chain(mesh).any(|name| leaves_folder(name))

@@ -6,6 +6,7 @@
 use super::{Image, Stored, check_seed, number};
 use crate::coverage::Outline;
 use crate::error::{Error, Result};
+use crate::guide::Guides;
 use crate::map::Size;
 use crate::paint::Strokes;
 use crate::pattern::Pattern;
@@ -30,7 +31,7 @@ pub struct Layer {
     pub opacity: f32,
     /// How it goes over what lies below. Default `mix`.
     pub blend: Blend,
-    /// Which channels it touches. Default: all.
+    /// Which channels it touches. Default: [`Source::channels`].
     pub channels: Channels,
     /// Its own seed. Default: one made of the recipe's seed and the layer's name, so that moving a layer up or down does
     /// not change what it looks like.
@@ -58,6 +59,8 @@ pub enum Source {
     Stored(Stored),
     /// What was painted: strokes over the composite below the layer.
     Strokes(Strokes),
+    /// Guides and the field between them.
+    Guides(Guides),
 }
 
 impl Source {
@@ -68,6 +71,15 @@ impl Source {
             Self::Image(_) => "image",
             Self::Stored(_) => "stored",
             Self::Strokes(_) => "strokes",
+            Self::Guides(_) => "guides",
+        }
+    }
+
+    /// The channels that a layer of it touches when it does not say: all; of guides that state no widths, the direction alone.
+    pub fn channels(&self) -> Channels {
+        match self {
+            Self::Guides(g) if !g.has_widths() => Channels::DIRECTION,
+            _ => Channels::ALL,
         }
     }
 }
@@ -79,6 +91,7 @@ impl Serialize for Source {
             Self::Image(i) => serializer.serialize_newtype_variant("Source", 1, "image", i),
             Self::Stored(s) => serializer.serialize_newtype_variant("Source", 2, "stored", s),
             Self::Strokes(s) => serializer.serialize_newtype_variant("Source", 3, "strokes", s),
+            Self::Guides(g) => serializer.serialize_newtype_variant("Source", 4, "guides", g),
         }
     }
 }
@@ -108,6 +121,12 @@ impl Channels {
     pub const ALL: Self = Self {
         alpha_x: true,
         alpha_y: true,
+        direction: true,
+    };
+    /// The direction alone.
+    pub const DIRECTION: Self = Self {
+        alpha_x: false,
+        alpha_y: false,
         direction: true,
     };
 }
@@ -223,7 +242,7 @@ impl Layer {
             visible: true,
             opacity: 1.0,
             blend: Blend::Mix,
-            channels: Channels::ALL,
+            channels: source.channels(),
             seed: None,
             seed_of: None,
             mask: None,
@@ -261,6 +280,7 @@ impl Layer {
             Source::Pattern(p) => p.validate().map_err(below(format!("{at}.{}", p.name()))),
             Source::Stored(s) => s.check().map_err(below(format!("{at}.stored"))),
             Source::Strokes(s) => s.check().map_err(below(format!("{at}.strokes"))),
+            Source::Guides(g) => g.check().map_err(below(format!("{at}.guides"))),
             Source::Image(_) => Ok(()), // whether the file may be read is known when it is
         }
     }
@@ -340,7 +360,7 @@ impl Mask {
 }
 
 /// Puts `at` before the key that an error names; an error that names no key gets `at` alone.
-fn below(at: String) -> impl FnOnce(Error) -> Error {
+pub(super) fn below(at: String) -> impl FnOnce(Error) -> Error {
     move |error| match error {
         Error::Invalid {
             what,
@@ -443,7 +463,7 @@ pub(super) mod size {
 const LAYER_FIELDS: [&str; 8] = [
     "name", "visible", "opacity", "blend", "channels", "seed", "seed_of", "mask",
 ];
-pub(super) const LAYER_SOURCES: [&str; 3] = ["image", "stored", "strokes"];
+pub(super) const LAYER_SOURCES: [&str; 4] = ["image", "stored", "strokes", "guides"];
 const MASK_FIELDS: [&str; 5] = ["invert", "low", "high", "feather", "seed"];
 const MASK_SOURCES: [&str; 2] = ["polygon", "path"];
 
@@ -488,13 +508,14 @@ impl<'de> Visitor<'de> for LayerVisitor {
         let blank = Source::Pattern(Pattern::Constant(crate::pattern::Constant::default()));
         let mut layer = Layer::new(blank);
         let mut source: Option<Source> = None;
+        let mut channels = None;
         while let Some(key) = map.next_key_seed(OneOf(&LAYER_KEYS))? {
             match key {
                 "name" => layer.name = map.next_value()?,
                 "visible" => layer.visible = map.next_value()?,
                 "opacity" => layer.opacity = map.next_value()?,
                 "blend" => layer.blend = map.next_value()?,
-                "channels" => layer.channels = map.next_value()?,
+                "channels" => channels = Some(map.next_value()?),
                 "seed" => layer.seed = Some(map.next_value::<Seed>()?.0),
                 "seed_of" => layer.seed_of = Some(map.next_value()?),
                 "mask" => layer.mask = Some(map.next_value()?),
@@ -506,12 +527,14 @@ impl<'de> Visitor<'de> for LayerVisitor {
                         "image" => Source::Image(map.next_value()?),
                         "stored" => Source::Stored(map.next_value()?),
                         "strokes" => Source::Strokes(map.next_value()?),
+                        "guides" => Source::Guides(map.next_value()?),
                         pattern => Source::Pattern(pattern_of(pattern, &mut map)?),
                     });
                 }
             }
         }
         layer.source = source.ok_or_else(|| no_source("layer", &LAYER_SOURCES))?;
+        layer.channels = channels.unwrap_or(layer.source.channels());
         Ok(layer)
     }
 }
