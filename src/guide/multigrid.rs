@@ -530,3 +530,109 @@ fn cycle(levels: &mut [Level]) -> f32 {
             .into_iter()
             .sum::<f32>()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A number from 0 to 1 made of two whole ones.
+    fn noise(i: usize, j: usize) -> f32 {
+        let h = (i as u32)
+            .wrapping_mul(0x9e37_79b1)
+            .wrapping_add((j as u32).wrapping_mul(0x85eb_ca77));
+        let h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
+        (h ^ (h >> 13)) as f32 / u32::MAX as f32
+    }
+
+    /// The largest error of an equation's rows over their diagonals, in f64.
+    fn residual_of(level: &Level) -> f64 {
+        let (w, h) = (level.width, level.height);
+        let (mut worst, mut largest) = (0.0f64, 0.0f64);
+        for part in 0..2 {
+            for y in 0..h {
+                for x in 0..w {
+                    let at = |x: i64, y: i64| {
+                        let column = level.wrap.column(x, w as u32) as usize;
+                        let row = level.wrap.row(y, h as u32) as usize;
+                        f64::from(level.field[part][row * w + column])
+                    };
+                    let (x, y, i) = (x as i64, y as i64, y * w + x);
+                    let z = at(x, y);
+                    let (a, b) = (f64::from(level.across), f64::from(level.upward));
+                    let flow = a * (at(x - 1, y) + at(x + 1, y) - 2.0 * z)
+                        + b * (at(x, y - 1) + at(x, y + 1) - 2.0 * z);
+                    let weight = f64::from(level.weight[i]);
+                    let r = f64::from(level.wanted[part][i]) - weight * z + flow;
+                    worst = worst.max(r.abs() / (2.0 * (a + b) + weight));
+                    largest = largest.max(z.abs());
+                }
+            }
+        }
+        worst / largest.max(1e-6)
+    }
+
+    #[test]
+    fn the_equation_is_solved_on_grids_of_every_shape() {
+        for (w, h) in [
+            (1, 1),
+            (7, 1),
+            (1, 8),
+            (2, 3),
+            (5, 3),
+            (33, 20),
+            (64, 64),
+            (127, 255),
+            (300, 17),
+        ] {
+            for wrap in [Wrap::Repeat, Wrap::RepeatU, Wrap::Clamp] {
+                let grid = Size::new(w, h).unwrap();
+                let mut levels = Levels::new(grid, w as f32 / h as f32, wrap);
+                let cell = 1.0 / h as f32;
+                let (weight, cos2, sin2) = levels.equation_mut();
+                for i in 0..weight.len() {
+                    // A few cells held fast, some softly, most not at all.
+                    let k = noise(i, 1);
+                    weight[i] = match k {
+                        k if k < 0.02 => 64.0 / (cell * cell),
+                        k if k < 0.1 => 100.0 * k,
+                        _ => 0.0,
+                    };
+                    cos2[i] = weight[i] * (noise(i, 2) - 0.5);
+                    sin2[i] = weight[i] * (noise(i, 3) - 0.3);
+                }
+                weight[0] = 50.0;
+                cos2[0] = 50.0;
+                let solved = levels.solve(1e-3, false, &Progress::none()).unwrap();
+                assert!(solved.settled, "{w}x{h} {wrap:?}: {solved:?}");
+                assert!(solved.cycles <= 25, "{w}x{h} {wrap:?}: {solved:?}");
+                let left = residual_of(&levels.levels[0]);
+                assert!(left < 1e-4, "{w}x{h} {wrap:?}: {left}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_goes_down_keeps_its_sum_and_what_comes_up_its_level() {
+        for n in [1usize, 2, 3, 5, 8, 9, 31] {
+            for repeats in [false, true] {
+                let transfer = Transfer::new(n, repeats);
+                let mut shares = vec![0.0f32; n + 3];
+                for (first, parts) in &transfer.down {
+                    assert!((parts.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+                    for k in 0..3 {
+                        shares[first + k] += parts[k];
+                    }
+                }
+                let each = transfer.down.len() as f32 / n as f32;
+                assert!(shares[..n].iter().all(|s| (s - each).abs() < 1e-5), "{n}");
+                assert!(shares[n..].iter().all(|s| *s == 0.0));
+                assert!(
+                    transfer
+                        .up
+                        .iter()
+                        .all(|(_, part)| (0.0..1.0).contains(part))
+                );
+            }
+        }
+    }
+}
