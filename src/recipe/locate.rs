@@ -326,7 +326,7 @@ pub(super) fn table_at<'a>(
             Item::Value(Value::InlineTable(t)) => t,
             Item::ArrayOfTables(list) => {
                 i += 1;
-                let n = element(list, parts.get(i).copied())?;
+                let n = element(list, parts[i - 1], parts.get(i).copied())?;
                 list.get_mut(n).expect("found in the list")
             }
             _ => {
@@ -342,11 +342,12 @@ pub(super) fn table_at<'a>(
     Ok(table)
 }
 
-/// The element of a list of tables that a number or a name means.
-fn element(list: &toml_edit::ArrayOfTables, part: Option<&str>) -> Result<usize, Error> {
+/// The element of a list of tables, called `key`, that a number or a name means.
+fn element(list: &toml_edit::ArrayOfTables, key: &str, part: Option<&str>) -> Result<usize, Error> {
+    let one = key.strip_suffix('s').unwrap_or(key); // layers, guide
     let Some(part) = part else {
         return Err(Error::invalid(
-            "a layer",
+            format!("a {one}"),
             "a table of its own",
             "allowed: one of its keys, as in layers.0.opacity",
         ));
@@ -365,10 +366,15 @@ fn element(list: &toml_edit::ArrayOfTables, part: Option<&str>) -> Result<usize,
         1 => "0".to_owned(),
         n => format!("0 to {}", n - 1),
     };
+    let named = if names.iter().all(String::is_empty) {
+        String::new()
+    } else {
+        format!(", or a name of {}", names.join(", "))
+    };
     let error = Error::invalid(
-        "the layer",
+        format!("the {one}"),
         format!("`{part}`"),
-        format!("allowed: {numbers}, or a name of {}", names.join(", ")),
+        format!("allowed: {numbers}{named}"),
     );
     Err(match nearest_word(part, names.iter().map(String::as_str)) {
         Some(near) => error.with_hint(format!("Did you mean `{near}`?")),

@@ -54,6 +54,11 @@ fn apply(text: &mut dyn TableLike, before: &dyn TableLike, after: &dyn TableLike
         if old.is_some_and(|old| old.to_string() == new.to_string()) {
             continue;
         }
+        if let Some(list) = text.get_mut(key).and_then(Item::as_array_of_tables_mut)
+            && apply_each(list, tables(old.cloned()), tables(Some(new.clone())))
+        {
+            continue;
+        }
         match (old.and_then(Item::as_table_like), new.as_table_like()) {
             (Some(old), Some(new)) => {
                 let there = text.entry(key).or_insert_with(|| Item::Table(Table::new()));
@@ -64,6 +69,28 @@ fn apply(text: &mut dyn TableLike, before: &dyn TableLike, after: &dyn TableLike
             _ => set(text, key, new),
         }
     }
+}
+
+/// Applies what differs between two lists of tables to a third, table by table, from the first; what is new is put behind,
+/// what is gone is taken off the end. Lists that are not all of tables are left alone.
+fn apply_each(text: &mut ArrayOfTables, before: Vec<Table>, after: Vec<Table>) -> bool {
+    if text.len() != before.len() || after.is_empty() {
+        return false;
+    }
+    let mut list = ArrayOfTables::new();
+    for (i, new) in after.iter().enumerate() {
+        let table = match (text.get(i), before.get(i)) {
+            (Some(table), Some(old)) => {
+                let mut table = table.clone();
+                apply(&mut table, old, new);
+                table
+            }
+            _ => tidy_table(new),
+        };
+        list.push(unplaced(table));
+    }
+    *text = list;
+    true
 }
 
 /// Sets a key, keeping the spaces and the comment around a value that was there.
@@ -116,8 +143,12 @@ fn update_layers(text: &mut Table, before: Vec<Table>, after: Vec<Table>) {
 fn unplaced(mut table: Table) -> Table {
     table.set_position(None);
     for (_, item) in table.iter_mut() {
-        if let Item::Table(inner) = item {
-            *inner = unplaced(std::mem::take(inner));
+        match item {
+            Item::Table(inner) => *inner = unplaced(std::mem::take(inner)),
+            Item::ArrayOfTables(list) => {
+                *list = std::mem::take(list).into_iter().map(unplaced).collect();
+            }
+            _ => {}
         }
     }
     table
@@ -220,6 +251,48 @@ mod tests {
         recipe.layers.remove(1);
         file.update(recipe.clone()).unwrap();
         assert!(!file.to_toml().contains("coat"));
+        let back = RecipeFile::parse(&file.to_toml(), "t.toml", None).unwrap();
+        assert_eq!(back.recipe(), &recipe);
+    }
+
+    #[test]
+    fn lists_of_tables_below_a_layer_keep_their_comments_and_places() {
+        let text = "version = 1\n[[layers]]\nname = \"a\"\n[layers.guides]\ngrid = 64 # fine\n\
+            # the dial\n[[layers.guides.guide]]\nshape.ellipse.radii = [0.3, 0.3]\nfalloff = 0.1 # wide\n\
+            # the hand\n[[layers.guides.guide]]\nshape.line.points = [[0, 0], [1, 1]]\n\
+            # on top\n[[layers]]\nname = \"b\"\n[layers.constant]\n";
+        let mut file = RecipeFile::parse(text, "t.toml", None).unwrap();
+        let mut recipe = file.recipe().clone();
+        let Source::Guides(guides) = &mut recipe.layers[0].source else {
+            panic!("guides")
+        };
+        guides.guide[0].falloff = 0.2;
+        guides.guide[1].center = Some([0.25, 0.5]);
+        guides.guide.push(guides.guide[0].clone());
+        recipe.layers.swap(0, 1);
+        file.update(recipe.clone()).unwrap();
+        let text = file.to_toml();
+        for part in [
+            "0.2 # wide",
+            "# fine",
+            "# the dial",
+            "# the hand",
+            "# on top",
+            "[0.25, 0.5]",
+        ] {
+            assert!(text.contains(part), "`{part}` in\n{text}");
+        }
+        let place = |s: &str| text.find(s).unwrap();
+        assert!(
+            place("# on top") < place("# the dial") && place("# the dial") < place("# the hand")
+        );
+        let back = RecipeFile::parse(&text, "t.toml", None).unwrap();
+        assert_eq!(back.recipe(), &recipe);
+        let Source::Guides(guides) = &mut recipe.layers[1].source else {
+            panic!("guides")
+        };
+        guides.guide.clear();
+        file.update(recipe.clone()).unwrap();
         let back = RecipeFile::parse(&file.to_toml(), "t.toml", None).unwrap();
         assert_eq!(back.recipe(), &recipe);
     }
