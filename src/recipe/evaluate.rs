@@ -923,7 +923,8 @@ mod tests {
         [[layers]]\nname = 'b'\nopacity = 0.7\nconstant = { alpha_x = 0.3, alpha_y = 0.05, angle = 100.0 }\n\
         [layers.mask]\npath = 'M 0.1 0.1 C 0.9 0.2 0.8 1.2 0.3 0.9 Z'\nfeather = 0.3\n\
         [[layers]]\nname = 'c'\nchannels = ['direction']\nconstant.angle = 60.0\n\
-        [layers.mask]\ninvert = true\npolygon = [[0.5, 0.5], [1.2, 0.4], [0.9, 0.9]]\n";
+        [layers.mask]\ninvert = true\npolygon = [[0.5, 0.5], [1.2, 0.4], [0.9, 0.9]]\n\
+        [[layers]]\nopacity = 0.8\nguides = { grid = 64, only_near = true, guide = [{ shape.line.points = [[0.2, 0.1], [0.9, 0.8]], falloff = 0.3 }] }\n";
 
     #[test]
     fn no_layers_give_the_default_and_the_top_layer_wins() {
@@ -1042,6 +1043,31 @@ mod tests {
         recipe.seed += 1;
         let other = recipe.prepare_after(&before, size, &files, &none).unwrap();
         assert!(!other.layers.iter().any(is_shared), "its seed changed");
+    }
+
+    #[test]
+    fn guides_lead_a_layer_and_leave_its_widths() {
+        let text = "size = [96, 64]\nwrap = 'clamp'\n[[layers]]\nconstant = { alpha_x = 0.1, alpha_y = 0.4 }\n\
+            [[layers]]\n[layers.guides]\ngrid = 64\n[[layers.guides.guide]]\nshape.ellipse.radii = [0.4, 0.4]\n";
+        let one = map(text);
+        let right = one.sample(0.7, 0.5);
+        assert!(right.axis.angle_to(Axis::V).to_degrees() < 1.0);
+        assert!((right.alpha_x, right.alpha_y) == (0.1, 0.4));
+        let wide = map(&text.replace("grid = 64", "grid = 64\nalpha_across = 0.5"));
+        let right = wide.sample(0.7, 0.5);
+        assert!((right.alpha_x - 0.06).abs() < 1e-6 && (right.alpha_y - 0.5).abs() < 1e-6);
+        let near = map(&text.replace("grid = 64", "grid = 64\nonly_near = true"));
+        assert!(near.sample(0.02, 0.5).axis.angle_to(Axis::U).to_degrees() < 0.01);
+        let file = text
+            .replace("0.4, 0.4]", "9.0, 0.4]")
+            .replace("clamp", "repeat");
+        let file = RecipeFile::parse(&format!("version = 1\n{file}"), "t.toml", None).unwrap();
+        let size = Size::new(64, 64).unwrap();
+        let refused = file
+            .recipe()
+            .prepare(size, &Files::default(), &Progress::none());
+        let e = refused.err().expect("too wide").to_string();
+        assert!(e.starts_with("layers.1.guides.guide.0 is"), "{e}");
     }
 
     #[test]

@@ -756,6 +756,74 @@ mod tests {
     }
 
     #[test]
+    fn guides_touch_the_direction_unless_they_state_widths() {
+        let guides = |keys: &str| {
+            let text = format!("{keys}\n[[guides.guide]]\nshape.ellipse.radii = [0.3, 0.3]");
+            let one = layer(&text).unwrap();
+            let back = layer(&toml::to_string(&one).unwrap()).unwrap();
+            assert_eq!(one, back);
+            one.check("layers.0").unwrap();
+            one.channels
+        };
+        assert_eq!(guides(""), Channels::DIRECTION);
+        assert_eq!(guides("guides.alpha_along = 0.05"), Channels::ALL);
+        let stated = "channels = ['alpha_x', 'direction']\nguides.alpha_along = 0.05";
+        assert!(!guides(stated).alpha_y);
+        assert_eq!(
+            guides("channels = ['alpha_x', 'alpha_y', 'direction']"),
+            Channels::ALL
+        );
+    }
+
+    #[test]
+    fn mistakes_in_guides_are_named() {
+        let refused = |text: &str| match layer(text) {
+            Err(message) => message,
+            Ok(one) => one.check("layers.0").unwrap_err().to_string(),
+        };
+        for (text, parts) in [
+            ("[guides]\ngird = 3", ["unknown field `gird`", "grid"]),
+            (
+                "[guides]\ngrid = 8",
+                ["layers.0.guides.grid is 8", "16 to 4096"],
+            ),
+            (
+                "[[guides.guide]]\nfalloff = 1",
+                ["missing field `shape`", ""],
+            ),
+            (
+                "[[guides.guide]]\nshape.oval = 1",
+                ["unknown variant `oval`", "ellipse"],
+            ),
+            (
+                "[[guides.guide]]\nshape.ellipse = {}",
+                ["missing field `radii`", ""],
+            ),
+            (
+                "[[guides.guide]]\nshape.ellipse.radii = [0.1, 0.1]\nmode = 'along'",
+                ["unknown variant `along`", "concentric"],
+            ),
+            (
+                "[[guides.guide]]\nshape.line.points = [[0, 0]]",
+                ["layers.0.guides.guide.0.shape.line.points", "2 or more"],
+            ),
+            (
+                "[[guides.guide]]\nshape.ellipse.radii = [0.1, nan]",
+                [
+                    "layers.0.guides.guide.0.shape.ellipse.radii is NaN",
+                    "0.001 to 10",
+                ],
+            ),
+        ] {
+            let message = refused(text);
+            assert!(
+                parts.iter().all(|p| message.contains(p)),
+                "{text}: {message}"
+            );
+        }
+    }
+
+    #[test]
     fn seeds_follow_names_not_places() {
         assert_ne!(derived_seed(1, "a"), derived_seed(1, "b"));
         assert_ne!(derived_seed(1, "a"), derived_seed(2, "a"));
