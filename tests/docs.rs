@@ -2,9 +2,10 @@
 
 use anisomap::analyse::limits;
 use anisomap::chart::{envelope_table, stability};
-use anisomap::pattern::Pattern;
+use anisomap::guide::{Guide, Guides, Shape};
+use anisomap::pattern::{Parameter, Pattern};
 use anisomap::progress::Progress;
-use anisomap::recipe::{PRESETS, Target};
+use anisomap::recipe::{PRESETS, RecipeFile, Target};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -89,6 +90,59 @@ fn generated(document: &str, name: &str, want: &str) {
 #[test]
 fn formats_md_states_every_parameter() {
     generated("docs/formats.md", "parameters", &format!("\n{}", tables()));
+}
+
+/// The tables of the guides' numbers.
+fn guide_tables() -> String {
+    let defaults = |value: toml::Value| {
+        move |p: &Parameter| match value.get(p.key) {
+            Some(toml::Value::Float(f)) => format!("{}", *f as f32),
+            Some(other) => other.to_string(),
+            None => String::new(), // not stated, or the shape's own
+        }
+    };
+    let circle = Guide::new(Shape::Ellipse { radii: [0.3; 2] });
+    let circle = toml::Value::try_from(circle).expect("plain data");
+    let layer = toml::Value::try_from(Guides::default()).expect("plain data");
+    let mut text = String::new();
+    for (parameters, value) in [(Guides::PARAMETERS, layer), (Guide::PARAMETERS, circle)] {
+        let default = defaults(value);
+        text.push_str("| key | unit | allowed | default | what it does |\n|---|---|---|---|---|\n");
+        for p in parameters {
+            let (least, most) = (p.range.start(), p.range.end());
+            let _ = writeln!(
+                text,
+                "| `{}` | {} | {least} to {most} | {} | {} |",
+                p.key,
+                p.unit,
+                default(p),
+                p.doc
+            );
+        }
+        text.push('\n');
+    }
+    text
+}
+
+#[test]
+fn formats_md_states_every_number_of_a_guide_and_its_example_is_one() {
+    generated(
+        "docs/formats.md",
+        "guides",
+        &format!("\n{}", guide_tables()),
+    );
+    let text = fs::read_to_string(root().join("docs/formats.md")).expect("docs/formats.md");
+    let section = text.split("### Guides").nth(1).expect("its section");
+    let example = section.split("```").nth(1).expect("an example");
+    let recipe = format!(
+        "version = 1\n[[layers]]\n{}",
+        example.trim_start_matches("toml")
+    );
+    let file = RecipeFile::parse(&recipe, "example", None).expect("a recipe");
+    file.recipe().check().expect("allowed");
+    for name in Shape::NAMES {
+        assert!(section.contains(&format!("| `{name}` |")), "{name}");
+    }
 }
 
 /// The mean step of 255 between two pictures of one size.

@@ -30,6 +30,7 @@ pub const PRESETS: &[Preset] = &[
     preset_file!("canvas"),
     preset_file!("compact_disc"),
     preset_file!("cross_brushed_plate"),
+    preset_file!("flower_medallion"),
     preset_file!("gold_watch_face"),
     preset_file!("lathe_cut_steel"),
     preset_file!("lightly_brushed_aluminium"),
