@@ -179,7 +179,7 @@ impl Guide {
 
     fn distance_to_path(&self, p: Vec2, place: &Placement) -> f32 {
         let accuracy = 1e-3 * self.scale * self.half().max_element();
-        let segments = self.segments(place.extent.x, accuracy.max(1e-6));
+        let segments = self.segments(place.extent.x, accuracy.max(1e-6), 0.0);
         let (mut square, mut winding) = (f32::MAX, 0);
         for s in &segments {
             let along = s.to - s.from;
@@ -211,7 +211,7 @@ impl Guide {
     /// Where the falloff ends on the side away from the rotation handle, or beside a path's first piece.
     fn falloff_place(&self, place: &Placement) -> Vec2 {
         let away = |from: Vec2, along: Vec2| from + along.normalize_or_zero() * self.falloff;
-        match self.segments(place.extent.x, 1e-3).first() {
+        match self.segments(place.extent.x, 1e-3, 0.0).first() {
             Some(s) => away(0.5 * (s.from + s.to), (s.to - s.from).perp()),
             None => {
                 let side = place.outward(Vec2::new(-self.half().x, 0.0));

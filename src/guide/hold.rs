@@ -28,9 +28,16 @@ use std::f32::consts::TAU;
 /// Where a map repeats, the most turns of UV that one guide may reach over.
 const TURNS_MAX: f32 = 8.0;
 /// The most straight pieces that all paths may have together, images counted.
-const SEGMENTS_MAX: usize = 1 << 17;
+const PIECES_MAX: usize = 1 << 17;
 /// The least falloff, in cells: less would make a guide's edge a step that jumps from cell to cell as it moves.
 const FALLOFF_CELLS: f32 = 2.0;
+/// How near the straight pieces of a curve stay to it, in cells: far less than any falloff.
+const ACCURACY_CELLS: f32 = 0.4;
+/// How much of its sides a corner of a line is cut by, in cells: through a square corner directions would cancel, and the
+/// field beyond it had nowhere to turn.
+const CORNER_CELLS: f32 = 2.0;
+/// The most evaluations of pieces at cells: about half a minute of two cores.
+const WORK_MAX: f64 = 4e10;
 /// From this hold on the guides' own direction takes over from the solved one; at 1 it stands alone. See [`Hold::exactness`].
 const EXACT_FROM: f32 = 0.9;
 
@@ -65,6 +72,12 @@ impl Bounds {
             least: self.least + by,
             most: self.most + by,
         }
+    }
+
+    /// The area of its part on one turn of UV.
+    fn area_within(&self, extent: Vec2) -> f64 {
+        let sides = self.most.min(extent) - self.least.max(Vec2::ZERO);
+        f64::from(sides.x.max(0.0)) * f64::from(sides.y.max(0.0))
     }
 
     /// Whether the row at `y` meets it, and which of the ascending `xs` do.
@@ -269,19 +282,15 @@ impl Placed {
 impl Kind {
     /// Of all images.
     fn bounds(&self) -> Bounds {
-        let corners = |b: &Bounds| [b.least, b.most];
-        match self {
-            Self::Oval(images) => Bounds::of(images.iter().flat_map(|i| corners(&i.bounds))),
-            Self::Box(images) => Bounds::of(images.iter().flat_map(|i| corners(&i.bounds))),
-            Self::Path(path) => Bounds::of(path.pieces.iter().flat_map(|(b, _)| corners(b))),
-        }
+        Bounds::of(self.pieces().flat_map(|b| [b.least, b.most]))
     }
 
-    fn segments(&self) -> usize {
+    /// Every image, or every piece of every image.
+    fn pieces(&self) -> Box<dyn Iterator<Item = &Bounds> + '_> {
         match self {
-            Self::Oval(images) => images.len(),
-            Self::Box(images) => images.len(),
-            Self::Path(path) => path.pieces.len(),
+            Self::Oval(images) => Box::new(images.iter().map(|i| &i.bounds)),
+            Self::Box(images) => Box::new(images.iter().map(|i| &i.bounds)),
+            Self::Path(path) => Box::new(path.pieces.iter().map(|(b, _)| b)),
         }
     }
 }
@@ -295,7 +304,7 @@ impl Path {
         cell: f32,
         at: &str,
     ) -> Result<Self> {
-        let segments = guide.segments(place.extent.x, 0.125 * cell);
+        let segments = guide.segments(place.extent.x, ACCURACY_CELLS * cell, CORNER_CELLS * cell);
         let ends = |s: &Segment| [s.from, s.to];
         let around = Bounds::of(segments.iter().flat_map(ends)).grown(falloff);
         let closed = guide.shape.points().is_some_and(|(_, closed)| closed);
@@ -380,21 +389,23 @@ impl Hold {
     /// When a guide reaches over too many turns of UV, or all have too many pieces.
     pub(super) fn new(guides: &Guides, aspect: f32, wrap: Wrap, cell: f32) -> Result<Self> {
         let mut placed = Vec::new();
-        let mut segments = 0;
+        let (mut pieces, mut work) = (0, 0.0);
         for (i, guide) in guides.guide.iter().enumerate() {
             if guide.strength == 0.0 {
                 continue;
             }
             let one = Placed::new(guide, aspect, wrap, cell, &format!("guide.{i}"))?;
-            segments += one.kind.segments();
-            if segments > SEGMENTS_MAX {
+            pieces += one.kind.pieces().count();
+            let extent = Vec2::new(aspect, 1.0);
+            let areas = one.kind.pieces().map(|b| b.area_within(extent));
+            work += areas.sum::<f64>() / f64::from(cell * cell);
+            if pieces > PIECES_MAX || work > WORK_MAX {
                 return Err(Error::invalid(
                     format!("guide.{i}.shape"),
-                    format!("one that brings the pieces of all guides to {segments}"),
-                    format!(
-                        "allowed: {SEGMENTS_MAX} straight pieces, images beyond the edge counted"
-                    ),
-                ));
+                    format!("one that brings all guides to {pieces} straight pieces, weighed {work:.0e} times"),
+                    format!("allowed: {PIECES_MAX} pieces, images beyond the edge counted, and {WORK_MAX:.0e} times"),
+                )
+                .with_hint("Use fewer points, a coarser `grid` or smaller closed paths"));
             }
             placed.push(one);
         }
@@ -408,7 +419,7 @@ impl Hold {
     pub(super) fn is_empty(&self) -> bool {
         self.placed
             .iter()
-            .all(|p| p.lets_go || p.kind.segments() == 0)
+            .all(|p| p.lets_go || p.kind.pieces().next().is_none())
     }
 
     /// What the guides hold at the height `y`, at the ascending places `xs`, both in surface units.
@@ -664,11 +675,11 @@ fn piece<S: Simd>(
         } else {
             nearest[i]
         };
-        let d = square.sqrt() * unit;
-        let e = (d * d + 1.0).sqrt();
+        let e2 = square * unit * unit + 1.0;
+        let e = e2.sqrt();
         // What lies farther than the falloff has no say beside an open path, and none that ends at once.
         let seen = 1.0 - open + open * profile(square.sqrt(), placed.steepness);
-        let w = seen * short.min(e) / (e * e * e * e);
+        let w = seen * short.min(e) / (e2 * e2);
         weight[i] += w;
         cos2[i] += w * (axis_from.x + t * (axis_to.x - axis_from.x));
         sin2[i] += w * (axis_from.y + t * (axis_to.y - axis_from.y));

@@ -341,8 +341,8 @@ pub(super) fn double_angle(v: Vec2) -> Vec2 {
 
 impl Guide {
     /// The pieces of a line or curve on the surface, bent pieces cut so that they stay within `accuracy` surface units of
-    /// the curve; none for other shapes.
-    pub(super) fn segments(&self, aspect: f32, accuracy: f32) -> Vec<Segment> {
+    /// the curve, and corners of a line cut off by at most `corner` of their sides; none for other shapes.
+    pub(super) fn segments(&self, aspect: f32, accuracy: f32, corner: f32) -> Vec<Segment> {
         let Some((points, closed)) = self.shape.points() else {
             return Vec::new();
         };
@@ -358,6 +358,7 @@ impl Guide {
                 flatten(piece, accuracy, &mut segments);
             }
         } else {
+            let points = cut_corners(&points, closed, corner);
             segments.extend(points.windows(2).map(|ends| {
                 let axis = double_angle(ends[1] - ends[0]);
                 Segment {
@@ -371,6 +372,31 @@ impl Guide {
         segments.retain(|s| s.from != s.to);
         segments
     }
+}
+
+/// The corners of a line, each as the two points that lie `by` before and behind it, or a quarter of the way to the next.
+/// A closed line ends where it begins, here too.
+fn cut_corners(points: &[Vec2], closed: bool, by: f32) -> Vec<Vec2> {
+    let toward = |from: Vec2, to: Vec2| from + (to - from) * (by / from.distance(to)).min(0.25);
+    let n = points.len();
+    let mut cut = Vec::with_capacity(2 * n);
+    for (i, &point) in points.iter().enumerate() {
+        let before = match i {
+            0 if closed => Some(points[n - 2]),
+            0 => None,
+            _ => Some(points[i - 1]),
+        };
+        let behind = points.get(i + 1).copied();
+        if let Some(before) = before.filter(|b| *b != point && (behind.is_some() || closed)) {
+            cut.push(toward(point, before));
+        } else {
+            cut.push(point);
+        }
+        if let Some(behind) = behind.filter(|b| *b != point && before.is_some()) {
+            cut.push(toward(point, behind));
+        }
+    }
+    cut
 }
 
 /// The most straight pieces of one cubic.
@@ -489,13 +515,13 @@ mod tests {
     #[test]
     fn a_flattened_curve_stays_on_the_curve_and_ends_where_it_ends() {
         // A quarter circle to 3e-4 of its radius.
-        let k = 0.552_284_75;
+        let k = 0.552_284_8;
         let points = vec![[1.0, 0.0], [1.0, k], [k, 1.0], [0.0, 1.0]];
         let guide = Guide::new(Shape::Curve {
             points,
             closed: false,
         });
-        let segments = guide.segments(1.0, 1e-4);
+        let segments = guide.segments(1.0, 1e-4, 0.0);
         assert!(segments.len() > 8 && segments.len() <= 64);
         assert_eq!(segments[0].from, Vec2::X);
         assert_eq!(segments[segments.len() - 1].to, Vec2::Y);
@@ -505,6 +531,25 @@ mod tests {
             let tangent = double_angle(s.from.perp());
             assert!((tangent - s.axis_from).length() < 5e-3);
         }
+    }
+
+    #[test]
+    fn corners_are_cut_and_a_closed_line_closes() {
+        let square = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y, Vec2::ZERO];
+        let cut = cut_corners(&square, true, 0.1);
+        assert_eq!(cut.first().map(|p| p.y), Some(0.1));
+        assert!((cut[0] - cut[cut.len() - 1]).length() < 1e-6);
+        assert_eq!(cut.len(), 2 * 4 + 1);
+        let open = cut_corners(&square[..3], false, 0.9);
+        let want = [
+            Vec2::ZERO,
+            Vec2::new(0.75, 0.0),
+            Vec2::new(1.0, 0.25),
+            Vec2::ONE,
+        ];
+        assert_eq!(open, want);
+        assert_eq!(cut_corners(&[Vec2::X, Vec2::X], false, 0.1).len(), 2);
+        assert_eq!(cut_corners(&square, true, 0.0)[1..3], [Vec2::ZERO, Vec2::X]);
     }
 
     #[test]
