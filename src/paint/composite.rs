@@ -5,7 +5,7 @@
 
 use super::cover::{Cover, LANES, Lane, TILE, lane};
 use super::{Keep, Tool};
-use crate::map::{ALPHA_MAX, ALPHA_MIN, Rect};
+use crate::map::{ALPHA_MAX, ALPHA_MIN, Rect, Region};
 use crate::math::{self, AXIS_MIN_LENGTH, Axis, atan2, sin_cos};
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
@@ -18,23 +18,38 @@ pub(super) struct Planes<'a> {
     pub(super) planes: [&'a [f32]; 4],
 }
 
+impl<'a> Planes<'a> {
+    pub(super) fn of(region: &'a Region) -> Self {
+        Self {
+            rect: region.rect(),
+            planes: [&region.alpha_x, &region.alpha_y, &region.cos2, &region.sin2],
+        }
+    }
+}
+
 /// A rectangle of a layer at work: all slices in its row order.
 pub(super) struct View<'a> {
     pub(super) rect: Rect,
     /// alpha_x, alpha_y, cos 2θ, sin 2θ as the strokes so far left them.
     pub(super) now: [&'a mut [f32]; 4],
-    /// The same below the layer.
-    pub(super) below: [&'a [f32]; 4],
+    /// The same below the layer, in a rectangle that holds this one.
+    pub(super) below: Planes<'a>,
     /// How much of each texel strokes have touched and not erased.
     pub(super) coverage: &'a mut [f32],
 }
 
 impl<'a> View<'a> {
-    /// What lies below.
-    pub(super) fn below(&self) -> Planes<'a> {
-        Planes {
-            rect: self.rect,
-            planes: self.below,
+    pub(super) fn of(now: &'a mut Region, below: &'a Region, coverage: &'a mut [f32]) -> Self {
+        Self {
+            rect: now.rect(),
+            now: [
+                &mut now.alpha_x,
+                &mut now.alpha_y,
+                &mut now.cos2,
+                &mut now.sin2,
+            ],
+            below: Planes::of(below),
+            coverage,
         }
     }
 
@@ -43,7 +58,6 @@ impl<'a> View<'a> {
         let width = self.rect.width as usize;
         let skip = (rect.y - self.rect.y) as usize * width;
         let mut now = self.now.map(|p| &mut p[skip..]);
-        let mut below = self.below.map(|p| &p[skip..]);
         let mut coverage = &mut self.coverage[skip..];
         let mut bands = Vec::new();
         let (mut y, bottom) = (rect.y, rect.y + rect.height);
@@ -66,10 +80,9 @@ impl<'a> View<'a> {
                     ..self.rect
                 },
                 now: first.try_into().expect("four planes"),
-                below: below.map(|p| &p[..n]),
+                below: self.below,
                 coverage: covered,
             };
-            below = below.map(|p| &p[n..]);
             bands.push((Rect { y, height, ..rect }, view));
             y = end;
         }

@@ -11,8 +11,10 @@ mod brush;
 mod composite;
 mod cover;
 mod laid;
+mod live;
 mod packed;
 mod painting;
+pub mod path;
 mod smooth;
 mod stroke;
 mod trail;
@@ -21,6 +23,7 @@ pub use brush::{
     Brush, COPIES_MAX, FillWith, Groove, Keep, Pressure, Roughen, Scratch, SetAlpha, SetDirection,
     Smooth, Symmetry, Tool,
 };
+pub use live::Live;
 pub use painting::Painting;
 pub use stroke::{MeshPoints, POINTS_MAX, Point, Points, STROKES_MAX, Stroke, Strokes, UV_REACH};
 

@@ -282,17 +282,7 @@ impl Painting {
                 && all.intersection(first) == Some(first),
             "{all:?} must be one rectangle that holds {first:?}"
         );
-        let mut view = View {
-            rect: all,
-            now: [
-                &mut now.alpha_x,
-                &mut now.alpha_y,
-                &mut now.cos2,
-                &mut now.sin2,
-            ],
-            below: [&below.alpha_x, &below.alpha_y, &below.cos2, &below.sin2],
-            coverage,
-        };
+        let mut view = View::of(now, below, coverage);
         let mut done = range.start;
         for look in looking {
             self.plain(done..look.stroke, look.before, view.reborrow());
@@ -345,7 +335,7 @@ impl Painting {
             }
             self.cover(laid, run, tile, rect, cover);
             if !cover.is_empty() {
-                let below = view.below();
+                let below = view.below;
                 apply(laid.work, cover, rect, view, below);
             }
         }

@@ -181,6 +181,40 @@ proptest! {
     }
 
     #[test]
+    fn a_live_stroke_is_the_finished_one(one in any_stroke(), wrap in any_wrap()) {
+        let surface = surface(150, 110, wrap);
+        let below = ground(surface.size);
+        let rect = surface.size.rect();
+        let under = below.region(rect);
+        let mut live = Live::new(one.brush().clone(), one.seed(), &surface).unwrap();
+        let Points::Uv(points) = one.points() else { panic!() };
+        let (mut now, mut coverage) = (under.clone(), vec![0.0; rect.texels()]);
+        for point in points {
+            for dirty in live.push(*point) {
+                let mut part = Region::constant(dirty, DEFAULT_TEXEL);
+                let mut covered = vec![0.0; dirty.texels()];
+                live.apply(&below.region(live.needs(dirty)), &under, &mut part, &mut covered);
+                now.copy_from(&part);
+                for y in dirty.y..dirty.y + dirty.height {
+                    let (to, from, n) = (rect.index(dirty.x, y), dirty.index(dirty.x, y), dirty.width as usize);
+                    coverage[to..to + n].copy_from_slice(&covered[from..from + n]);
+                }
+            }
+            // What lies outside the dirty rectangles is right as well.
+            let mut anew = Region::constant(rect, DEFAULT_TEXEL);
+            live.apply(&under, &under, &mut anew, &mut vec![0.0; rect.texels()]);
+            prop_assert!(anew == now);
+        }
+        let (want, covered) = whole(&surface, std::slice::from_ref(&one), &below);
+        prop_assert!(now == want);
+        prop_assert!(coverage == covered);
+        match live.finish() {
+            Some(finished) => prop_assert_eq!(&finished, &*one),
+            None => prop_assert!(want == under),
+        }
+    }
+
+    #[test]
     fn texels_stay_in_range(strokes in prop::collection::vec(any_stroke(), 1..8), wrap in any_wrap()) {
         let surface = surface(90, 70, wrap);
         let (all, coverage) = whole(&surface, &strokes, &ground(surface.size));
