@@ -148,8 +148,9 @@ impl Frame {
             match dirty {
                 Some([]) => Redrawn::Nothing,
                 Some(rects) => {
-                    self.touched = job.relight_some(kept, rects, &mut self.picture)?;
-                    Redrawn::Tiles(self.touched.len())
+                    let (tiles, touched) = job.relight_some(kept, rects, &mut self.picture)?;
+                    self.touched = touched;
+                    Redrawn::Tiles(tiles)
                 }
                 None => {
                     job.relight(kept, &mut self.picture)?;
@@ -324,13 +325,14 @@ impl Job<'_> {
         )
     }
 
-    /// Lights the pixels that see any of some rectangles of the map, and gives the tiles where such may be, in pixels.
+    /// Lights the pixels that see any of some rectangles of the map, counts the tiles where such may be, and gives them
+    /// and those of outlines in pixels.
     fn relight_some(
         &self,
         kept: &mut Kept,
         rects: &[Rect],
         picture: &mut Picture,
-    ) -> Result<Vec<Rect>> {
+    ) -> Result<(usize, Vec<Rect>)> {
         let (map, mips) = (self.subject.map(), self.scene.quality.mips);
         if kept.reaches.as_ref().is_none_or(|r| r.mips != mips) {
             kept.reaches = Some(self.reaches(kept)?);
@@ -362,6 +364,7 @@ impl Job<'_> {
         };
         let tiles = kept.tiles.iter().zip(&touched).filter(|(_, t)| **t);
         let mut rects: Vec<Rect> = tiles.map(|(tile, _)| pixels(tile.rect, samples)).collect();
+        let count = rects.len();
         if let Some(outline) = &mut kept.outline {
             // Pixels that were lit with few samples just now, and those whose many samples see the change.
             let near = outline.near(&touched, samples);
@@ -371,7 +374,7 @@ impl Job<'_> {
             let lit = outline.rects().enumerate().filter(|(i, _)| is_wanted(*i));
             rects.extend(lit.map(|(_, rect)| pixels(rect, SAMPLES_MAX)));
         }
-        Ok(rects)
+        Ok((count, rects))
     }
 
     /// Calls `light` for the tiles that are wanted, with their fragments on the desk.

@@ -7,7 +7,7 @@
 
 use crate::error::Result;
 use crate::map::{DEFAULT_TEXEL, Rect, Region};
-use crate::paint::{Brush, Painting, Point, Stroke, Strokes};
+use crate::paint::{Brush, Live, Painting, Point, Stroke, Strokes};
 use crate::pattern::Surface;
 use crate::progress::Progress;
 use crate::recipe;
@@ -48,15 +48,8 @@ struct Active {
     before: VecDeque<Tiles>,
     before_bytes: usize,
     budget: usize,
-    live: Option<Live>,
-}
-
-/// The stroke in flight: the last of the painting, made anew with every point.
-struct Live {
-    brush: Arc<Brush>,
-    seed: u32,
-    points: Vec<Point>,
-    is_painted: bool,
+    /// The stroke in flight, and the tiles that it changed as they are with it.
+    live: Option<(Live, HashMap<u32, Tile>)>,
 }
 
 impl Canvas {
@@ -123,7 +116,7 @@ impl Canvas {
         };
         let needed = self.stack.needs_over(active.at, rect);
         active.ensure(&self.stack, needed, active.painting.len());
-        let (painted, _) = active.read(needed);
+        let (painted, _) = active.shown(needed);
         let mut whole = Region::constant(needed, DEFAULT_TEXEL);
         active.read_below(&mut whole);
         self.stack.fill_over(active.at, &painted, rect, &mut whole);
@@ -138,12 +131,13 @@ impl Canvas {
     pub(super) fn coverage(&mut self, rect: Rect) -> Option<Vec<f32>> {
         let active = self.active.as_mut()?;
         active.ensure(&self.stack, rect, active.painting.len());
-        Some(active.read(rect).1)
+        Some(active.shown(rect).1)
     }
 
     /// A stroke more on the layer that is painted on: gives the rectangle outside which nothing changed.
     pub(super) fn push(&mut self, stroke: &Arc<Stroke>) -> Option<Rect> {
         let active = self.active.as_mut()?;
+        active.live = None;
         active.painting.push(stroke);
         let n = active.painting.len() - 1;
         let Some(bounds) = active.painting.bounds(n) else {
@@ -183,55 +177,64 @@ impl Canvas {
     }
 
     /// Begins a stroke in flight.
-    pub(super) fn begin(&mut self, brush: Arc<Brush>, seed: u32) {
+    ///
+    /// # Errors
+    /// When the brush does not check.
+    pub(super) fn begin(&mut self, brush: Arc<Brush>, seed: u32) -> Result<()> {
         if let Some(active) = &mut self.active {
-            active.live = Some(Live {
-                brush,
-                seed,
-                points: Vec::new(),
-                is_painted: false,
-            });
+            let live = Live::new(brush, seed, &active.surface)?;
+            active.live = Some((live, HashMap::new()));
         }
+        Ok(())
     }
 
     /// Lets the stroke in flight go on to a point; gives the rectangles outside which nothing changed.
     pub(super) fn go_on(&mut self, point: Point) -> Vec<Rect> {
-        let live = self.active.as_mut().and_then(|a| a.live.take());
-        let Some(mut live) = live else {
+        let Some(active) = &mut self.active else {
             return Vec::new();
         };
-        live.points.push(point);
-        let mut dirty = Vec::new();
-        if live.is_painted {
-            dirty.extend(self.pop());
-            live.is_painted = false;
+        let Some((mut live, mut tiles)) = active.live.take() else {
+            return Vec::new();
+        };
+        let dirty = live.push(point);
+        for rect in &dirty {
+            active.ensure(&self.stack, live.needs(*rect), active.painting.len());
+            let old: Vec<_> = numbers(active, *rect)
+                .into_iter()
+                .map(|number| (number, tiles.remove(&number)))
+                .collect();
+            let new: Vec<_> = old
+                .into_par_iter()
+                .map(|(number, tile)| (number, active.in_flight(number, *rect, &live, tile)))
+                .collect();
+            tiles.extend(new);
         }
-        // A stroke may have so many points and no more: what comes after them is not painted.
-        if let Ok(stroke) = Stroke::new(live.brush.clone(), live.seed, live.points.clone()) {
-            dirty.extend(self.push(&Arc::new(stroke)));
-            live.is_painted = true;
-        }
-        if let Some(active) = &mut self.active {
-            active.live = Some(live);
-        }
+        active.live = Some((live, tiles));
         dirty
     }
 
-    /// Ends the stroke in flight: when it painted anything it is the layer's last from now on.
+    /// Ends the stroke in flight: when it painted anything it is the layer's last from now on, with the texels that it has.
     pub(super) fn end(&mut self) -> Option<Arc<Stroke>> {
         let active = self.active.as_mut()?;
-        let n = active.painting.len().checked_sub(1)?;
-        let is_painted = active.live.as_ref()?.is_painted && active.painting.bounds(n).is_some();
-        is_painted.then(|| {
-            active.live = None;
-            active.painting.stroke(n).clone()
-        })
+        let (live, tiles) = active.live.take()?;
+        let stroke = live.finish();
+        if stroke.is_none() || tiles.is_empty() {
+            return None;
+        }
+        let stroke = Arc::new(stroke?);
+        active.painting.push(&stroke);
+        let tiles = tiles.into_iter();
+        active.take_over(tiles.map(|(n, t)| (n, Some(Arc::new(t)))).collect());
+        Some(stroke)
     }
 
-    /// Takes the stroke in flight away; gives the rectangle that changes by it.
-    pub(super) fn cancel(&mut self) -> Option<Rect> {
-        let live = self.active.as_mut()?.live.take()?;
-        live.is_painted.then(|| self.pop())?
+    /// Takes the stroke in flight away; gives the rectangles that change by it.
+    pub(super) fn cancel(&mut self) -> Vec<Rect> {
+        let Some(active) = &mut self.active else {
+            return Vec::new();
+        };
+        let tiles = active.live.take().map_or_else(HashMap::new, |l| l.1);
+        tiles.keys().map(|n| active.rect_of(*n)).collect()
     }
 }
 
@@ -321,6 +324,38 @@ impl Active {
             }
         }
         (now, coverage)
+    }
+
+    /// The same with the stroke in flight.
+    fn shown(&self, rect: Rect) -> (Region, Vec<f32>) {
+        let (mut now, mut coverage) = self.read(rect);
+        if let Some((_, tiles)) = &self.live {
+            for tile in numbers(self, rect).iter().filter_map(|n| tiles.get(n)) {
+                now.copy_from(&tile.now);
+                copy_plane((rect, &mut coverage), (tile.now.rect(), &tile.coverage));
+            }
+        }
+        (now, coverage)
+    }
+
+    /// A tile, as the stroke in flight left it if it has been there, with what it changes in `rect`.
+    fn in_flight(&self, number: u32, rect: Rect, live: &Live, tile: Option<Tile>) -> Tile {
+        let whole = self.rect_of(number);
+        let mut tile = tile.unwrap_or_else(|| {
+            let (now, coverage) = self.read(whole);
+            Tile { now, coverage }
+        });
+        if let Some(part) = whole.intersection(rect) {
+            let (before, covered) = self.read(live.needs(part));
+            let mut below = Region::constant(part, DEFAULT_TEXEL);
+            self.read_below(&mut below);
+            let mut now = below.clone();
+            let mut coverage = crop_plane((before.rect(), covered), part);
+            live.apply(&before, &below, &mut now, &mut coverage);
+            tile.now.copy_from(&now);
+            copy_plane((whole, &mut tile.coverage), (part, &coverage));
+        }
+        tile
     }
 
     /// A tile after the first `n` strokes, with what lies below it there.

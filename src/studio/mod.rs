@@ -603,8 +603,7 @@ impl Studio {
         self.cancel_stroke();
         brush.check()?;
         self.activate()?;
-        self.canvas.begin(brush, seed);
-        Ok(())
+        self.canvas.begin(brush, seed)
     }
 
     /// Lets the stroke in flight go on to a point of UV.
@@ -646,7 +645,7 @@ impl Studio {
     /// Takes the stroke in flight away.
     pub fn cancel_stroke(&mut self) {
         let dirty = self.canvas.cancel();
-        self.repaint(dirty.into_iter().collect());
+        self.repaint(dirty);
     }
 
     /// How much of each texel of the map the selected layer's strokes have touched, 0 to 1; `None` for a layer without strokes.
