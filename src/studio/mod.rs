@@ -12,6 +12,7 @@ mod edit;
 mod history;
 mod journal;
 mod layers;
+pub mod view;
 mod viewport;
 
 pub use document::Document;

@@ -1,0 +1,182 @@
+//! What the canvas shows: pure functions from a map to pixels, legends and marks.
+//!
+//! A [`View`] draws any rectangle of canvas pixels exactly as it draws the whole canvas, so a dab redraws what it changed and no
+//! more. Shown smaller, a pixel is the mean of what it covers, taken from [`Averages`], which a dab updates where it painted.
+//! Pixels are RGBA, 8 bits each, sRGB-encoded, alpha premultiplied; row 0 is the top.
+
+mod camera;
+mod direction;
+mod levels;
+mod lit;
+mod palette;
+mod sampler;
+mod scale;
+
+pub use camera::{Camera2d, ZOOM_RANGE};
+pub use lit::Lighting;
+pub use scale::{AlphaRange, RatioRange};
+
+use crate::map::{AnisoMap, Rect};
+use levels::{Averaged, Levels, Rows};
+use rayon::prelude::*;
+use sampler::Sampler;
+
+/// Rows of pixels that one thread takes at a time.
+const BAND: usize = 16;
+/// Lines between texels appear from so many pixels per texel on, and are whole at the second.
+const BORDERS: [f32; 2] = [7.0, 14.0];
+/// What a line between texels is drawn with, and how much of it.
+const BORDER: (f32, f32) = (128.0, 0.35);
+
+/// The means of a map over squares of 2, 4, 8 ... texels: what views of it from afar are made of. A third of the map's texels
+/// at 16 bytes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Averages {
+    levels: Levels<4>,
+}
+
+impl Averages {
+    /// Averages a whole map.
+    pub fn new(map: &AnisoMap) -> Self {
+        Self {
+            levels: Levels::new(map),
+        }
+    }
+
+    /// Averages again what lies over a rectangle of texels that changed: afterwards all is as if made anew.
+    ///
+    /// # Panics
+    /// When the map has another size than the first one.
+    pub fn update(&mut self, map: &AnisoMap, rect: Rect) {
+        self.levels.update(map, rect);
+    }
+
+    /// A level of some thousand texels.
+    fn coarse(&self) -> &[Averaged] {
+        self.levels.at_most(1 << 16).unwrap_or_default()
+    }
+}
+
+/// A way to look at a map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum View {
+    /// A flat surface under a light.
+    Lit(Lighting),
+    /// alpha_x in false colour.
+    AlphaX(AlphaRange),
+    /// alpha_y in false colour.
+    AlphaY(AlphaRange),
+    /// alpha_x / alpha_y in false colour.
+    Ratio(RatioRange),
+    /// The direction of the x axis as hue, dark where the texel is nearly isotropic.
+    Direction,
+}
+
+impl View {
+    /// How many pixels beside a pixel it may depend on: a changed rectangle is to be redrawn with so much around it.
+    pub fn reach(&self) -> u32 {
+        0
+    }
+
+    /// Draws the pixels of `rect`, which lies on the camera's canvas, in row order. Beside the map they are transparent.
+    ///
+    /// # Panics
+    /// When `rgba` does not hold four bytes a pixel, or `averages` are of a map of another size.
+    pub fn draw(
+        &self,
+        map: &AnisoMap,
+        averages: &Averages,
+        camera: &Camera2d,
+        rect: Rect,
+        rgba: &mut [u8],
+    ) {
+        let canvas = Canvas {
+            map,
+            averages,
+            camera,
+            rect,
+        };
+        match self {
+            Self::Lit(lighting) => {
+                let lit = lit::Lit::new(lighting);
+                canvas.rows(rgba, |seen, out| lit.row(seen, out));
+            }
+            Self::AlphaX(range) => canvas.rows(rgba, |s, out| scale::alphas(s, 0, *range, out)),
+            Self::AlphaY(range) => canvas.rows(rgba, |s, out| scale::alphas(s, 1, *range, out)),
+            Self::Ratio(range) => canvas.rows(rgba, |s, out| scale::ratios(s, *range, out)),
+            Self::Direction => canvas.rows(rgba, direction::directions),
+        }
+    }
+}
+
+/// A rectangle of a canvas over a map.
+struct Canvas<'a> {
+    map: &'a AnisoMap,
+    averages: &'a Averages,
+    camera: &'a Camera2d,
+    rect: Rect,
+}
+
+impl Canvas<'_> {
+    /// Draws each row with `colour`, and what is common to all views: nothing beside the map, lines between large texels.
+    fn rows(&self, rgba: &mut [u8], colour: impl Fn(&[Averaged], &mut [u8]) + Sync) {
+        let side = |start: u32, length: u32| i64::from(start)..i64::from(start) + i64::from(length);
+        let Rect {
+            x,
+            y,
+            width,
+            height,
+        } = self.rect;
+        assert!(rgba.len() == 4 * self.rect.texels(), "four bytes a pixel");
+        if rgba.is_empty() {
+            return;
+        }
+        let sampler = Sampler::new(
+            self.map,
+            &self.averages.levels,
+            self.map.wrap(),
+            self.camera,
+            side(x, width),
+            side(y, height),
+        );
+        let line = 4 * width as usize;
+        rgba.par_chunks_mut(line * BAND)
+            .enumerate()
+            .for_each(|(band, rgba)| {
+                let rows = band * BAND..band * BAND + rgba.len() / line;
+                let mut lines = rgba.chunks_exact_mut(line);
+                sampler.each_row(rows, |j, seen| {
+                    let out = lines.next().expect("a line for each row");
+                    colour(seen, out);
+                    finish(&sampler, self.camera, j, out);
+                });
+            });
+    }
+}
+
+/// Clears what is beside the map, and draws the lines between texels where these are large.
+fn finish<R: Rows<N>, const N: usize>(
+    sampler: &Sampler<'_, R, N>,
+    camera: &Camera2d,
+    j: usize,
+    line: &mut [u8],
+) {
+    if !sampler.sees_row(j) {
+        line.fill(0);
+        return;
+    }
+    let per_texel = camera.pixels_per_texel().min_element() as f32;
+    let ink = BORDER.1 * crate::math::smoothstep(BORDERS[0], BORDERS[1], per_texel);
+    for (i, pixel) in line.chunks_exact_mut(4).enumerate() {
+        if !sampler.sees_column(i) {
+            pixel.fill(0);
+        } else if ink > 0.0 && (sampler.row_border(j) || sampler.column_border(i)) {
+            for c in &mut pixel[..3] {
+                *c = (f32::from(*c) + (BORDER.0 - f32::from(*c)) * ink + 0.5) as u8;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
