@@ -4,7 +4,9 @@
 //! have no turn, so a pole inside an isotropic patch is none.
 
 use super::{DIRECTED_RATIO, Place};
-use crate::map::{AnisoMap, LOOPS_MAX, Turning, gather, turn, turns_around};
+use crate::error::Result;
+use crate::map::{AnisoMap, LOOPS_MAX, Texel, Turning, gather, singularity, turn, turns_around};
+use crate::progress::Progress;
 use glam::Vec2;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -44,8 +46,19 @@ pub(super) struct Seam {
 pub(super) enum Poles {
     /// So many loops turn that the field has no smooth part to speak of; the first of them.
     Rough(u64, Place),
-    /// Where each is and twice its index, from the top; loops closer than three texels are one pole.
-    Each(Vec<(Place, i32)>),
+    /// From the top; loops closer than three texels are one pole.
+    Each(Vec<Pole>),
+}
+
+/// A pole.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pole {
+    /// The texel above and to the left of the first loop that turns.
+    pub(super) place: Place,
+    /// The middle of its loops, in texels from the map's upper left corner.
+    pub(super) middle: Vec2,
+    /// Twice its index.
+    pub(super) halves: i32,
 }
 
 /// Sums of jumps in millionths of a degree: whole numbers, which come together in any order.
@@ -72,7 +85,7 @@ impl Jumps {
 }
 
 /// The angle between two axes from the turn of their double-angle vectors.
-fn degrees(turn: f32) -> f32 {
+pub(super) fn degrees(turn: f32) -> f32 {
     0.5 * turn.abs().to_degrees()
 }
 
@@ -81,18 +94,21 @@ fn grooves(map: &AnisoMap, row: u32) -> Vec<Vec2> {
     let width = map.width() as usize;
     let start = row as usize * width;
     (start..start + width)
-        .map(|i| {
-            let (x, y) = (map.alpha_x()[i], map.alpha_y()[i]);
-            let sign = if x > DIRECTED_RATIO * y {
-                -1.0
-            } else if y > DIRECTED_RATIO * x {
-                1.0
-            } else {
-                f32::NAN
-            };
-            Vec2::new(map.cos2()[i], map.sin2()[i]) * sign
-        })
+        .map(|i| groove(map.texel_at(i)))
         .collect()
+}
+
+/// The double-angle vector of a texel's groove; NaN where it has no direction.
+pub(super) fn groove(texel: Texel) -> Vec2 {
+    let (x, y) = (texel.alpha_x, texel.alpha_y);
+    let sign = if x > DIRECTED_RATIO * y {
+        -1.0
+    } else if y > DIRECTED_RATIO * x {
+        1.0
+    } else {
+        f32::NAN
+    };
+    texel.axis.double_angle() * sign
 }
 
 /// Turns from each texel of a row to the next one on the right, around the edge where the map repeats.
@@ -203,24 +219,42 @@ fn seam(ring: &[Jumps], repeats: bool, (jumps, first): (u64, Option<Place>)) -> 
     })
 }
 
-/// Where each pole is and twice its index.
-fn poles(map: &AnisoMap, turning: &[Turning]) -> Vec<(Place, i32)> {
+/// The poles that loops make.
+fn poles(map: &AnisoMap, turning: &[Turning]) -> Vec<Pole> {
+    let (size, wrap) = (map.size(), map.wrap());
+    let texels = Vec2::new(size.width() as f32, size.height() as f32);
     let pole = |group: &Vec<Turning>| {
         let Turning { x, y, .. } = group[0];
-        (Place { x, y }, group.iter().map(|t| t.turns).sum())
+        let middle = singularity(size, wrap, group);
+        Pole {
+            place: Place { x, y },
+            middle: Vec2::new(middle.u, 1.0 - middle.v) * texels,
+            halves: middle.twice_index,
+        }
     };
-    let groups = gather(map.size(), map.wrap(), turning);
+    let groups = gather(size, wrap, turning);
     groups.iter().map(pole).collect()
 }
 
 /// Walks over all pairs and loops of neighbours.
-pub(super) fn walk(map: &AnisoMap) -> Field {
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::error::Error::Cancelled) when `progress` says so.
+pub(super) fn walk(map: &AnisoMap, progress: &Progress<'_>) -> Result<Field> {
     let (width, height) = (map.width(), map.height());
     let columns = Mutex::new(vec![Jumps::default(); width as usize]);
+    progress.expect(u64::from(height.div_ceil(BAND)));
     let bands: Vec<Band> = (0..height.div_ceil(BAND))
         .into_par_iter()
-        .map(|i| walk_band(map, i * BAND..height.min((i + 1) * BAND), &columns))
-        .collect();
+        .map(|i| {
+            progress.step()?;
+            Ok(walk_band(
+                map,
+                i * BAND..height.min((i + 1) * BAND),
+                &columns,
+            ))
+        })
+        .collect::<Result<_>>()?;
     let columns = columns.into_inner().unwrap_or_else(PoisonError::into_inner);
 
     let mut rows = Vec::new();
@@ -240,17 +274,17 @@ pub(super) fn walk(map: &AnisoMap) -> Field {
         }
         _ => Poles::Each(poles(map, &turning)),
     };
-    Field {
+    Ok(Field {
         seam_u: seam(&columns, map.wrap().repeats_u(), seam_u),
         seam_v: seam(&rows, map.wrap().repeats_v(), seam_v),
         poles,
-    }
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::{Size, Texel, Wrap};
+    use crate::map::{Size, Wrap};
     use crate::math::Axis;
     use std::f32::consts::TAU;
 
@@ -282,7 +316,11 @@ mod tests {
         map
     }
 
-    fn poles(map: &AnisoMap) -> Vec<(Place, i32)> {
+    fn walk(map: &AnisoMap) -> Field {
+        super::walk(map, &Progress::none()).unwrap()
+    }
+
+    fn poles(map: &AnisoMap) -> Vec<Pole> {
         match walk(map).poles {
             Poles::Each(poles) => poles,
             Poles::Rough(n, place) => panic!("{n} from {place:?}"),
@@ -299,13 +337,9 @@ mod tests {
                 });
                 let found = poles(&m);
                 assert_eq!(found.len(), 1, "{factor} at {size}: {found:?}");
-                assert_eq!(found[0].1, index, "{factor} at {size}");
-                let middle = size / 2;
-                let Place { x, y } = found[0].0;
-                assert!(
-                    x.abs_diff(middle) <= 2 && y.abs_diff(middle) <= 2,
-                    "{x} {y}"
-                );
+                assert_eq!(found[0].halves, index, "{factor} at {size}");
+                let off = found[0].middle - Vec2::splat(0.5 * size as f32);
+                assert!(off.length() < 0.8, "{off}");
             }
         }
     }

@@ -3,7 +3,8 @@
 use super::field::{self, JUMP_DEGREES, Poles, Seam};
 use super::{ISOTROPIC_RATIO, Place, by_stretches, sorted};
 use crate::convention::LobeFit;
-use crate::map::{ALPHA_MAX, ALPHA_MIN, AnisoMap, Mended};
+use crate::map::{ALPHA_MAX, ALPHA_MIN, AnisoMap, Mended, Texel};
+use crate::progress::Progress;
 use serde::Serialize;
 use std::fmt;
 
@@ -72,7 +73,7 @@ impl fmt::Display for Finding {
 pub fn lint(map: &AnisoMap, mended: Mended) -> Vec<Finding> {
     let mut findings = mended_findings(mended);
     findings.extend(width_findings(map));
-    let field = field::walk(map);
+    let field = field::walk(map, &Progress::none()).expect("nobody cancels");
     findings.extend(seam_finding("seam-u", "left and right", field.seam_u));
     findings.extend(seam_finding("seam-v", "top and bottom", field.seam_v));
     findings.extend(pole_findings(&field.poles));
@@ -199,6 +200,24 @@ const WIDTH_RULES: [WidthRule; 4] = [
     },
 ];
 
+/// Whether the widths of a texel alone are warned of.
+pub(super) fn warned(texel: Texel) -> bool {
+    let (large, small) = sorted(texel);
+    let mut warnings = WIDTH_RULES
+        .iter()
+        .filter(|rule| rule.severity >= Severity::Warning);
+    warnings.any(|rule| (rule.holds)(large, small))
+}
+
+/// Whether the widths of a texel alone are noted as hard to keep in some file.
+pub(super) fn noted(texel: Texel) -> bool {
+    let (large, small) = sorted(texel);
+    let mut notes = WIDTH_RULES
+        .iter()
+        .filter(|rule| rule.severity == Severity::Note && rule.code != "8-bit-linear");
+    notes.any(|rule| (rule.holds)(large, small))
+}
+
 fn width_findings(map: &AnisoMap) -> Vec<Finding> {
     let parts = by_stretches(map.size().texels(), |stretch| {
         let mut tallies = [Tally::default(); WIDTH_RULES.len()];
@@ -283,29 +302,34 @@ fn pole_findings(poles: &Poles) -> Vec<Finding> {
         }
         Poles::Each(poles) => poles,
     };
-    let mut indices: Vec<i32> = poles.iter().map(|p| p.1).collect();
+    let mut indices: Vec<i32> = poles.iter().map(|p| p.halves).collect();
     indices.sort_unstable_by_key(|&i| (i.abs(), -i));
     indices.dedup();
     indices
         .into_iter()
         .filter_map(|index| {
-            let mut alike = poles.iter().filter(|p| p.1 == index);
-            let first = alike.next()?.0;
+            let mut alike = poles.iter().filter(|p| p.halves == index);
+            let first = alike.next()?.place;
             Some(pole_finding(index, 1 + alike.count() as u64, first))
         })
         .collect()
 }
 
-/// `index` is twice the index of the line field.
-fn pole_finding(index: i32, count: u64, first: Place) -> Finding {
-    let sign = if index < 0 { '-' } else { '+' };
-    let size = index.abs();
-    let number = if size % 2 == 0 {
+/// The index of a pole with its sign, from twice the index: `+1`, `-1/2`.
+pub(super) fn index_name(halves: i32) -> String {
+    let sign = if halves < 0 { '-' } else { '+' };
+    let size = halves.unsigned_abs();
+    if size.is_multiple_of(2) {
         format!("{sign}{}", size / 2)
     } else {
         format!("{sign}{size}/2")
-    };
-    let odd = size % 2 == 1;
+    }
+}
+
+/// `index` is twice the index of the line field.
+fn pole_finding(index: i32, count: u64, first: Place) -> Finding {
+    let number = index_name(index);
+    let odd = index % 2 != 0;
     let places = if count == 1 { "place" } else { "places" };
     Finding {
         severity: if odd { Severity::Warning } else { Severity::Note },

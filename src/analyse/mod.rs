@@ -12,6 +12,7 @@ mod flip;
 mod histogram;
 pub mod limits;
 mod lint;
+mod marks;
 pub mod reduce;
 mod statistics;
 
@@ -20,6 +21,7 @@ pub use colour::ColourDifference;
 pub use compare::{AngleErrors, Comparison, Errors, WidthErrors, compare};
 pub use flip::{Flip, PIXELS_PER_DEGREE};
 pub use lint::{Finding, Severity, lint};
+pub use marks::{Border, Marks, Pole, Seam, TexelMark};
 pub use statistics::{Directions, Spread, Statistics};
 
 use crate::map::Texel;

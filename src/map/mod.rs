@@ -11,7 +11,7 @@ mod winding;
 pub use lobe::SlopeCovariance;
 pub use region::{Rect, Region, RegionMut, SIDE_MAX, Size, TEXELS_MAX};
 pub use sample::Footprint;
-pub(crate) use winding::{LOOPS_MAX, Turning, gather, turn, turns_around};
+pub(crate) use winding::{LOOPS_MAX, Turning, gather, singularity, turn, turns_around};
 pub use winding::{Singularity, singularities};
 
 use crate::error::Result;

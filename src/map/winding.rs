@@ -106,13 +106,13 @@ pub fn singularities(
     Some(
         groups
             .iter()
-            .map(|group| point(size, wrap, group))
+            .map(|group| singularity(size, wrap, group))
             .collect(),
     )
 }
 
-/// The middle of a group, seen from its first loop.
-fn point(size: Size, wrap: Wrap, group: &[Turning]) -> Singularity {
+/// The singular point of a group of loops: their middle, seen from the first, and the sum of their turns.
+pub(crate) fn singularity(size: Size, wrap: Wrap, group: &[Turning]) -> Singularity {
     let first = group[0];
     let from_first = |a: u32, b: u32, n: u32, repeats: bool| {
         let d = i64::from(a) - i64::from(b);

@@ -16,7 +16,7 @@ pub use files::{REPORT, Saved, check_output};
 pub use form::{Axes, Form, Shape, Widths};
 pub use measure::PictureError;
 
-use super::field::{Poles, walk};
+use super::field::{Pole, Poles, walk};
 use crate::brdf::Model;
 use crate::convention::storage::Storage;
 use crate::error::{Error, Result};
@@ -595,8 +595,13 @@ impl Search<'_> {
     fn centers(&self) -> Vec<Vec2> {
         let mut centers = vec![Vec2::splat(0.5)];
         let (w, h) = (self.request.map.width(), self.request.map.height());
-        if let Poles::Each(poles) = walk(self.request.map).poles
-            && let [(place, 2)] = poles[..]
+        let field = walk(self.request.map, &Progress::none()).expect("nobody cancels");
+        if let Poles::Each(poles) = field.poles
+            && let [
+                Pole {
+                    place, halves: 2, ..
+                },
+            ] = poles[..]
         {
             // The pole lies where four texels meet.
             let pole = Vec2::new(

@@ -1,0 +1,508 @@
+//! Where in a map something is that [`lint`](super::lint) tells of: poles, seams and texels, with their places, to be drawn.
+
+use super::field::{self, Poles, degrees, groove};
+use super::lint::{index_name, noted, warned};
+use crate::error::Result;
+use crate::map::{AnisoMap, Size, turn};
+use crate::math::{Axis, Frame};
+use crate::mesh::Mesh;
+use crate::progress::Progress;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Jumps below this are no marks, in degrees.
+const LEAST_DEGREES: f32 = 0.5;
+/// Pairs at the edge of the map whose jumps differ by less than this are one mark, in degrees.
+const ALIKE_DEGREES: f32 = 1.0;
+/// Places along an edge of the mesh are so many texels apart, and at the most so many.
+const PLACES_APART: f32 = 4.0;
+const PLACES_MAX: f32 = 256.0;
+/// Seams or rows that one thread takes at a time.
+const STRETCH: usize = 64;
+
+/// A point that the direction turns around.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pole {
+    /// Its texture coordinate, v up.
+    pub uv: Vec2,
+    /// Twice its index: 2 the centre of circles or spokes, 1 the end of a fold, -1 a star of three arms.
+    pub halves: i32,
+}
+
+impl Pole {
+    /// Its index with its sign: `+1`, `-1/2`.
+    pub fn index(&self) -> String {
+        index_name(self.halves)
+    }
+}
+
+/// Where a seam comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Border {
+    /// An edge of the map, where it repeats.
+    Map,
+    /// An edge of a chart of the mesh's layout.
+    Chart,
+}
+
+/// A line in the map across which the direction jumps, on the map or on the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seam {
+    /// Its ends, as texture coordinates, v up.
+    pub ends: [Vec2; 2],
+    /// The largest jump along it in degrees, up to 90.
+    pub degrees: f32,
+    /// What it is.
+    pub border: Border,
+}
+
+/// What a texel is marked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TexelMark {
+    /// Nothing.
+    #[default]
+    None,
+    /// Some file format holds its widths badly.
+    Note,
+    /// Its widths are out of the range of some format and will be clamped there.
+    Warning,
+}
+
+/// Everything that can be marked in a map.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Marks {
+    /// The poles, from the top; none where the field is rough.
+    pub poles: Vec<Pole>,
+    /// How many loops of texels turn, where these are too many for poles.
+    pub rough: Option<u64>,
+    /// The seams that jump by half a degree or more; each has a mark on both sides.
+    pub seams: Vec<Seam>,
+    /// A mark for every texel in row order, top row first; empty when there is none at all.
+    pub texels: Vec<TexelMark>,
+}
+
+impl Marks {
+    /// Looks a map over, and with a mesh the borders of its charts.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::error::Error::Cancelled) when `progress` says so.
+    pub fn find(map: &AnisoMap, mesh: Option<&Mesh>, progress: &Progress<'_>) -> Result<Self> {
+        let field = field::walk(map, progress)?;
+        let (poles, rough) = match field.poles {
+            Poles::Rough(count, _) => (Vec::new(), Some(count)),
+            Poles::Each(poles) => (poles, None),
+        };
+        let mut seams = map_seams(map);
+        if let Some(mesh) = mesh {
+            seams.extend(chart_seams(map, mesh, progress)?);
+        }
+        Ok(Self {
+            poles: poles
+                .into_iter()
+                .map(|p| Pole {
+                    uv: from_texels(map.size(), p.middle),
+                    halves: p.halves,
+                })
+                .collect(),
+            rough,
+            seams,
+            texels: texel_marks(map, progress)?,
+        })
+    }
+}
+
+/// A place in texels from the upper left as a texture coordinate.
+fn from_texels(size: Size, texels: Vec2) -> Vec2 {
+    let uv = texels / Vec2::new(size.width() as f32, size.height() as f32);
+    Vec2::new(uv.x, 1.0 - uv.y)
+}
+
+fn texel_marks(map: &AnisoMap, progress: &Progress<'_>) -> Result<Vec<TexelMark>> {
+    let mut marks = vec![TexelMark::None; map.size().texels()];
+    let stretch = STRETCH * map.width() as usize;
+    progress.expect(marks.len().div_ceil(stretch) as u64);
+    let parts = marks
+        .par_chunks_mut(stretch)
+        .enumerate()
+        .map(|(k, marks)| {
+            progress.step()?;
+            let mut any = false;
+            for (i, mark) in marks.iter_mut().enumerate() {
+                let texel = map.texel_at(k * stretch + i);
+                if warned(texel) {
+                    *mark = TexelMark::Warning;
+                } else if noted(texel) {
+                    *mark = TexelMark::Note;
+                }
+                any |= *mark != TexelMark::None;
+            }
+            Ok(any)
+        })
+        .collect::<Result<Vec<bool>>>()?;
+    Ok(if parts.contains(&true) {
+        marks
+    } else {
+        Vec::new()
+    })
+}
+
+/// The jumps over the edges where the map repeats, as marks on both edges.
+fn map_seams(map: &AnisoMap) -> Vec<Seam> {
+    let (w, h) = (map.width(), map.height());
+    let jump = |a: (u32, u32), b: (u32, u32)| {
+        let t = turn(groove(map.texel(a.0, a.1)), groove(map.texel(b.0, b.1)));
+        if t.is_nan() { 0.0 } else { degrees(t) }
+    };
+    let mut seams = Vec::new();
+    let mut mark = |from: u32, to: u32, degrees: f32, place: &dyn Fn(u32, f32) -> Vec2| {
+        for edge in [0.0, 1.0] {
+            seams.push(Seam {
+                ends: [from, to].map(|i| place(i, edge)),
+                degrees,
+                border: Border::Map,
+            });
+        }
+    };
+    if map.wrap().repeats_u() && w > 1 {
+        let place = |i: u32, edge: f32| Vec2::new(edge, 1.0 - i as f32 / h as f32);
+        let jumps: Vec<f32> = (0..h).map(|y| jump((w - 1, y), (0, y))).collect();
+        each_run(&jumps, |from, to, degrees| mark(from, to, degrees, &place));
+    }
+    if map.wrap().repeats_v() && h > 1 {
+        let place = |i: u32, edge: f32| Vec2::new(i as f32 / w as f32, edge);
+        let jumps: Vec<f32> = (0..w).map(|x| jump((x, h - 1), (x, 0))).collect();
+        each_run(&jumps, |from, to, degrees| mark(from, to, degrees, &place));
+    }
+    seams
+}
+
+/// Calls `run` with the ends and the largest jump of each run of jumps that are alike and large enough.
+fn each_run(jumps: &[f32], mut run: impl FnMut(u32, u32, f32)) {
+    let mut start = 0;
+    let place = |i: usize| u32::try_from(i).expect("a side of a map fits 32 bits");
+    for i in 1..=jumps.len() {
+        let ends = i == jumps.len()
+            || (jumps[i] - jumps[start]).abs() >= ALIKE_DEGREES
+            || (jumps[i] < LEAST_DEGREES) != (jumps[start] < LEAST_DEGREES);
+        if ends {
+            let largest = jumps[start..i].iter().fold(0.0f32, |m, j| m.max(*j));
+            if largest >= LEAST_DEGREES {
+                run(place(start), place(i), largest);
+            }
+            start = i;
+        }
+    }
+}
+
+/// An edge of a triangle: number of the triangle and of its corner where the edge starts.
+type HalfEdge = (u32, u8);
+
+/// The edges where two triangles meet on the surface and not in the layout.
+fn chart_borders(mesh: &Mesh) -> Vec<[HalfEdge; 2]> {
+    let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
+    let places: Vec<u32> = mesh
+        .positions
+        .iter()
+        .map(|p| {
+            let next = numbers.len() as u32;
+            // Adding 0 makes -0 and 0 one place.
+            let key = p.to_array().map(|x| (x + 0.0).to_bits());
+            *numbers.entry(key).or_insert(next)
+        })
+        .collect();
+    drop(numbers);
+    let mut edges: Vec<(u64, u32, u8)> = Vec::with_capacity(3 * mesh.triangles.len());
+    for (t, triangle) in (0u32..).zip(&mesh.triangles) {
+        for k in 0..3u8 {
+            let [a, b] = ends((t, k), triangle).map(|v| places[v]);
+            let (low, high) = (a.min(b), a.max(b));
+            edges.push(((u64::from(low) << 32) | u64::from(high), t, k));
+        }
+    }
+    edges.par_sort_unstable();
+    let together = |v: usize, w: usize| mesh.uvs[v] == mesh.uvs[w];
+    edges
+        .chunk_by(|a, b| a.0 == b.0)
+        .filter(|pair| pair.len() == 2)
+        .map(|pair| [(pair[0].1, pair[0].2), (pair[1].1, pair[1].2)])
+        .filter(|[first, second]| {
+            let [a, b] = ends(*first, &mesh.triangles[first.0 as usize]);
+            let [c, d] = ends(*second, &mesh.triangles[second.0 as usize]);
+            let (c, d) = if places[a] == places[c] {
+                (c, d)
+            } else {
+                (d, c)
+            };
+            places[a] != places[b] && !(together(a, c) && together(b, d))
+        })
+        .collect()
+}
+
+fn ends((_, k): HalfEdge, triangle: &[u32; 3]) -> [usize; 2] {
+    let k = usize::from(k);
+    [triangle[k] as usize, triangle[(k + 1) % 3] as usize]
+}
+
+/// The jumps on the surface over the borders of charts, as marks on both sides.
+fn chart_seams(map: &AnisoMap, mesh: &Mesh, progress: &Progress<'_>) -> Result<Vec<Seam>> {
+    progress.check()?;
+    let borders = chart_borders(mesh);
+    progress.expect(borders.len().div_ceil(STRETCH) as u64);
+    let parts = borders
+        .par_chunks(STRETCH)
+        .map(|borders| {
+            progress.step()?;
+            let marks = borders.iter().flat_map(|b| border_marks(map, mesh, *b));
+            Ok(marks.collect())
+        })
+        .collect::<Result<Vec<Vec<Seam>>>>()?;
+    Ok(parts.concat())
+}
+
+fn border_marks(map: &AnisoMap, mesh: &Mesh, [first, second]: [HalfEdge; 2]) -> Vec<Seam> {
+    let a = Side::new(map.size(), mesh, first);
+    let mut b = Side::new(map.size(), mesh, second);
+    // Both from the same end.
+    if a.ends[0].0.distance_squared(b.ends[0].0) > a.ends[0].0.distance_squared(b.ends[1].0) {
+        b.ends.reverse();
+    }
+    let texels = a.texels(map.size()).max(b.texels(map.size()));
+    let count = (texels / PLACES_APART).ceil().clamp(1.0, PLACES_MAX);
+    let jumps = (0..count as u32).filter_map(|i| {
+        let t = (i as f32 + 0.5) / count;
+        let angle = turn(a.groove(map, mesh, t)?, b.groove(map, mesh, t)?);
+        (!angle.is_nan()).then(|| degrees(angle))
+    });
+    let largest = jumps.fold(0.0, f32::max);
+    if largest < LEAST_DEGREES {
+        return Vec::new();
+    }
+    [a, b]
+        .map(|side| Seam {
+            ends: side.ends.map(|(_, uv, _)| uv),
+            degrees: largest,
+            border: Border::Chart,
+        })
+        .to_vec()
+}
+
+/// One side of a border: its ends as position, texture coordinate and vertex, and half a texel into the triangle.
+struct Side {
+    ends: [(Vec3, Vec2, usize); 2],
+    inward: Vec2,
+}
+
+impl Side {
+    fn new(size: Size, mesh: &Mesh, edge: HalfEdge) -> Self {
+        let triangle = &mesh.triangles[edge.0 as usize];
+        let ends = ends(edge, triangle).map(|v| (mesh.positions[v], mesh.uvs[v], v));
+        let texels = Vec2::new(size.width() as f32, size.height() as f32);
+        let along = (ends[1].1 - ends[0].1) * texels;
+        let apex = mesh.uvs[triangle[(usize::from(edge.1) + 2) % 3] as usize];
+        let across = along.perp().normalize_or_zero();
+        let sign = across.dot((apex - ends[0].1) * texels).signum();
+        Self {
+            ends,
+            inward: 0.5 * sign * across / texels,
+        }
+    }
+
+    /// Its length in texels.
+    fn texels(&self, size: Size) -> f32 {
+        let texels = Vec2::new(size.width() as f32, size.height() as f32);
+        ((self.ends[1].1 - self.ends[0].1) * texels).length()
+    }
+
+    /// The double-angle vector of the groove part of the way along, measured from the edge in the plane of the surface: charts that
+    /// meet at a crease are folded flat. `None` without a direction.
+    fn groove(&self, map: &AnisoMap, mesh: &Mesh, t: f32) -> Option<Vec2> {
+        let [(from, uv, v), (to, uv_end, w)] = self.ends;
+        let normal = mesh.normals[v].lerp(mesh.normals[w], t);
+        let tangent = mesh.tangents[v].lerp(mesh.tangents[w], t);
+        let tangent = tangent.truncate().extend(mesh.tangents[v].w);
+        let (frame, usable) = Frame::new(normal, tangent)?;
+        let edge = frame.to_local(to - from).truncate();
+        let edge = Axis::from_vector(edge)?;
+        let uv = uv.lerp(uv_end, t) + self.inward;
+        let groove = groove(map.sample(uv.x, uv.y));
+        // The difference of the angles; a mirrored layout turns the other way round.
+        let (cross, dot) = (
+            edge.cos2 * groove.y - edge.sin2 * groove.x,
+            edge.cos2 * groove.x + edge.sin2 * groove.y,
+        );
+        let hand = if mesh.tangents[v].w < 0.0 { -1.0 } else { 1.0 };
+        usable.then(|| Vec2::new(dot, hand * cross))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::{DEFAULT_TEXEL, Texel, Wrap};
+    use std::f32::consts::TAU;
+
+    fn map(w: u32, h: u32, wrap: Wrap, angle: impl Fn(f32, f32) -> f32) -> AnisoMap {
+        let mut map = AnisoMap::constant(Size::new(w, h).unwrap(), wrap, DEFAULT_TEXEL);
+        for i in 0..map.size().texels() {
+            let (x, y) = (i as u32 % w, i as u32 / w);
+            let (u, v) = (
+                (x as f32 + 0.5) / w as f32,
+                1.0 - (y as f32 + 0.5) / h as f32,
+            );
+            let axis = Axis::from_radians(angle(u, v));
+            let texel = Texel {
+                alpha_x: 0.05,
+                alpha_y: 0.4,
+                axis,
+            };
+            map.region_mut().set(i, texel);
+        }
+        map
+    }
+
+    fn marks(map: &AnisoMap, mesh: Option<&Mesh>) -> Marks {
+        Marks::find(map, mesh, &Progress::none()).unwrap()
+    }
+
+    #[test]
+    fn a_pole_is_marked_at_its_place_with_its_index() {
+        for (factor, index) in [(1.0, "+1"), (0.5, "+1/2"), (-0.5, "-1/2"), (-1.0, "-1")] {
+            let m = map(200, 160, Wrap::Clamp, |u, v| {
+                factor * (v - 0.3).atan2((u - 0.6) * 1.25) + 0.2
+            });
+            let found = marks(&m, None).poles;
+            assert_eq!(found.len(), 1);
+            assert_eq!(found[0].index(), index);
+            assert!(
+                (found[0].uv - Vec2::new(0.6, 0.3)).length() < 0.01,
+                "{found:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_indices_of_a_repeating_map_sum_to_zero() {
+        // Half the angle of a vector field that repeats: its zeros are poles of both signs.
+        for k in 1..4u8 {
+            let k = f32::from(k);
+            let m = map(128, 96, Wrap::Repeat, |u, v| {
+                let x = (TAU * k * u).sin() + 0.4 * (TAU * v + 0.7).cos();
+                let y = (TAU * v).sin() - 0.3 * (TAU * u).cos();
+                0.5 * y.atan2(x)
+            });
+            let poles = marks(&m, None).poles;
+            assert!(poles.len() >= 4, "{poles:?}");
+            assert_eq!(poles.iter().map(|p| p.halves).sum::<i32>(), 0, "{poles:?}");
+        }
+    }
+
+    #[test]
+    fn seams_of_the_map_are_marked_on_both_edges() {
+        // The direction climbs by 60 degrees from left to right in the upper half.
+        let ramp = |u: f32, v: f32| {
+            if v > 0.5 {
+                (60.0 * u).to_radians()
+            } else {
+                0.3
+            }
+        };
+        let found = marks(&map(120, 40, Wrap::RepeatU, ramp), None).seams;
+        assert_eq!(found.len(), 2, "{found:?}");
+        for (seam, u) in found.iter().zip([0.0, 1.0]) {
+            assert!((seam.degrees - 59.5).abs() < 0.01, "{seam:?}");
+            assert_eq!(seam.ends, [Vec2::new(u, 1.0), Vec2::new(u, 0.5)]);
+        }
+        assert_eq!(marks(&map(120, 40, Wrap::Clamp, ramp), None).seams, []);
+    }
+
+    #[test]
+    fn charts_of_a_mesh_meet_without_a_jump_where_the_field_goes_on() {
+        let torus = crate::mesh::torus();
+        let even = map(256, 128, Wrap::Repeat, |_, _| 0.4);
+        assert_eq!(marks(&even, Some(&torus)).seams, []);
+        // 40 degrees more around the torus: the jump is at the edge where the turn closes.
+        let ramp = map(256, 128, Wrap::Clamp, |u, _| (40.0 * u).to_radians());
+        let found = marks(&ramp, Some(&torus)).seams;
+        assert!(!found.is_empty());
+        for seam in &found {
+            assert!((seam.degrees - 40.0).abs() < 0.5, "{seam:?}");
+            assert!(
+                seam.ends.iter().all(|e| e.x == 0.0 || e.x == 1.0),
+                "{seam:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn charts_that_lie_turned_in_the_layout_are_compared_on_the_surface() {
+        // Two squares side by side on the surface; the layout of the second is turned by 90 degrees.
+        let p = |x: f32, y: f32| Vec3::new(x, y, 0.0);
+        let square = [p(0.0, 0.0), p(1.0, 0.0), p(1.0, 1.0), p(0.0, 1.0)];
+        let positions: Vec<Vec3> = square
+            .into_iter()
+            .chain(square.map(|q| q + Vec3::X))
+            .collect();
+        let uv = |q: Vec3| Vec2::new(0.05 + 0.4 * q.x, 0.3 + 0.4 * q.y);
+        let turned = |q: Vec3| Vec2::new(0.55 + 0.4 * q.y, 0.7 - 0.4 * (q.x - 1.0));
+        let mesh = Mesh {
+            name: "squares".to_owned(),
+            uvs: (0..8)
+                .map(|i| {
+                    if i < 4 {
+                        uv(positions[i])
+                    } else {
+                        turned(positions[i])
+                    }
+                })
+                .collect(),
+            normals: vec![Vec3::Z; 8],
+            // Along +U: to the right in the first, up in the second.
+            tangents: (0..8)
+                .map(|i| if i < 4 { Vec3::X } else { Vec3::Y }.extend(1.0))
+                .collect(),
+            triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]],
+            positions,
+            aspect: 1.0,
+        };
+        mesh.validate().unwrap();
+        let jump = |second: f32| {
+            let m = map(100, 100, Wrap::Clamp, |u, _| {
+                if u < 0.5 { 30f32 } else { second }.to_radians()
+            });
+            let seams = marks(&m, Some(&mesh)).seams;
+            seams.iter().fold(0.0f32, |most, s| most.max(s.degrees))
+        };
+        // 30 degrees on the surface are -60 from the second chart's axis.
+        assert!(jump(-60.0) < 0.5, "{}", jump(-60.0));
+        assert!((jump(-50.0) - 10.0).abs() < 0.1, "{}", jump(-50.0));
+        assert!((jump(30.0) - 90.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn texels_are_marked_by_what_formats_hold() {
+        let mut m = map(70, 90, Wrap::Clamp, |_, _| 0.0);
+        assert_eq!(marks(&m, None).texels, []);
+        let with = |alpha_x, alpha_y| Texel {
+            alpha_x,
+            alpha_y,
+            axis: Axis::U,
+        };
+        m.region_mut().set(5, with(0.3, 1.45));
+        m.region_mut().set(6000, with(0.002, 0.01));
+        let texels = marks(&m, None).texels;
+        assert_eq!(texels.len(), 6300);
+        assert_eq!(
+            (texels[5], texels[6000]),
+            (TexelMark::Warning, TexelMark::Note)
+        );
+        assert_eq!(texels.iter().filter(|t| **t != TexelMark::None).count(), 2);
+    }
+
+    #[test]
+    fn the_search_can_be_stopped() {
+        let m = map(64, 256, Wrap::Repeat, |u, _| u);
+        let stop = |done: u64, _: u64| done < 3;
+        assert!(Marks::find(&m, None, &Progress::new(&stop)).is_err());
+    }
+}
