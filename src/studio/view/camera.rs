@@ -179,7 +179,7 @@ pub(super) fn extent(size: Size) -> DVec2 {
 fn whole_pixels(low: DVec2, high: DVec2, canvas: DVec2) -> Option<Rect> {
     let low = low.floor().clamp(DVec2::ZERO, canvas);
     let high = high.ceil().clamp(DVec2::ZERO, canvas);
-    (high.x > low.x && high.y > low.y).then(|| Rect {
+    (high.x > low.x && high.y > low.y).then_some(Rect {
         x: low.x as u32,
         y: low.y as u32,
         width: (high.x - low.x) as u32,

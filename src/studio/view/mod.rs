@@ -5,21 +5,33 @@
 //! Pixels are RGBA, 8 bits each, sRGB-encoded, alpha premultiplied; row 0 is the top.
 
 mod camera;
+mod coverage;
 mod direction;
+mod grain;
+mod legend;
 mod levels;
 mod lit;
+mod marks;
+mod needles;
 mod palette;
+mod probe;
 mod sampler;
 mod scale;
 
 pub use camera::{Camera2d, ZOOM_RANGE};
+pub use coverage::Coverage;
+pub use legend::{Legend, LegendShape, Tick};
 pub use lit::Lighting;
+pub use marks::{JUMP_SCALE, LintMarks, MarkedPole, MarkedSeam, seam_colour};
+pub use needles::{Needle, needles};
+pub use probe::Probe;
 pub use scale::{AlphaRange, RatioRange};
 
 use crate::map::{AnisoMap, Rect};
 use levels::{Averaged, Levels, Rows};
 use rayon::prelude::*;
 use sampler::Sampler;
+use std::ops::Range;
 
 /// Rows of pixels that one thread takes at a time.
 const BAND: usize = 16;
@@ -70,12 +82,17 @@ pub enum View {
     Ratio(RatioRange),
     /// The direction of the x axis as hue, dark where the texel is nearly isotropic.
     Direction,
+    /// The grooves as grain: a line integral convolution along the axis of the smaller width.
+    Grain,
 }
 
 impl View {
     /// How many pixels beside a pixel it may depend on: a changed rectangle is to be redrawn with so much around it.
     pub fn reach(&self) -> u32 {
-        0
+        match self {
+            Self::Grain => grain::REACH,
+            _ => 0,
+        }
     }
 
     /// Draws the pixels of `rect`, which lies on the camera's canvas, in row order. Beside the map they are transparent.
@@ -96,6 +113,10 @@ impl View {
             camera,
             rect,
         };
+        assert!(rgba.len() == 4 * rect.texels(), "four bytes a pixel");
+        if rgba.is_empty() {
+            return;
+        }
         match self {
             Self::Lit(lighting) => {
                 let lit = lit::Lit::new(lighting);
@@ -105,6 +126,7 @@ impl View {
             Self::AlphaY(range) => canvas.rows(rgba, |s, out| scale::alphas(s, 1, *range, out)),
             Self::Ratio(range) => canvas.rows(rgba, |s, out| scale::ratios(s, *range, out)),
             Self::Direction => canvas.rows(rgba, direction::directions),
+            Self::Grain => grain::draw(&canvas, rgba),
         }
     }
 }
@@ -117,29 +139,23 @@ struct Canvas<'a> {
     rect: Rect,
 }
 
-impl Canvas<'_> {
-    /// Draws each row with `colour`, and what is common to all views: nothing beside the map, lines between large texels.
-    fn rows(&self, rgba: &mut [u8], colour: impl Fn(&[Averaged], &mut [u8]) + Sync) {
-        let side = |start: u32, length: u32| i64::from(start)..i64::from(start) + i64::from(length);
-        let Rect {
-            x,
-            y,
-            width,
-            height,
-        } = self.rect;
-        assert!(rgba.len() == 4 * self.rect.texels(), "four bytes a pixel");
-        if rgba.is_empty() {
-            return;
-        }
-        let sampler = Sampler::new(
+impl<'a> Canvas<'a> {
+    /// For the rectangle and `around` pixels more on every side.
+    fn sampler(&self, around: u32, smooth: bool) -> Sampler<'a, AnisoMap, 4> {
+        Sampler::new(
             self.map,
             &self.averages.levels,
             self.map.wrap(),
             self.camera,
-            side(x, width),
-            side(y, height),
-        );
-        let line = 4 * width as usize;
+            pixel_ranges(self.rect, around),
+            smooth,
+        )
+    }
+
+    /// Draws each row with `colour`, and what is common to all views: nothing beside the map, lines between large texels.
+    fn rows(&self, rgba: &mut [u8], colour: impl Fn(&[Averaged], &mut [u8]) + Sync) {
+        let sampler = self.sampler(0, false);
+        let line = 4 * self.rect.width as usize;
         rgba.par_chunks_mut(line * BAND)
             .enumerate()
             .for_each(|(band, rgba)| {
@@ -152,6 +168,15 @@ impl Canvas<'_> {
                 });
             });
     }
+}
+
+/// The columns and rows of a rectangle and of `around` pixels on every side.
+fn pixel_ranges(rect: Rect, around: u32) -> [Range<i64>; 2] {
+    let side = |start: u32, length: u32| {
+        let (start, length) = (i64::from(start), i64::from(length));
+        start - i64::from(around)..start + length + i64::from(around)
+    };
+    [side(rect.x, rect.width), side(rect.y, rect.height)]
 }
 
 /// Clears what is beside the map, and draws the lines between texels where these are large.

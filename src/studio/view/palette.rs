@@ -34,6 +34,14 @@ const ABOVE: [[f32; 3]; 4] = [
     [0.30, 0.11, 22.0],
 ];
 
+/// From yellow to red.
+const HEAT: [[f32; 3]; 4] = [
+    [0.94, 0.13, 108.0],
+    [0.81, 0.16, 76.0],
+    [0.68, 0.20, 42.0],
+    [0.55, 0.21, 22.0],
+];
+
 /// Lightness and chroma of the wheel: the most chroma that every hue of that lightness has in sRGB.
 const WHEEL: [f32; 2] = [0.74, 0.122];
 /// The hue of horizontal, in degrees: red; vertical is then a green blue.
@@ -55,6 +63,12 @@ pub(super) fn diverging() -> &'static Table {
         colours.extend(even(&ABOVE.map(polar), COLOURS / 2));
         table(colours)
     });
+    &TABLE
+}
+
+/// For what is bad: red is worse.
+pub(super) fn heat() -> &'static Table {
+    static TABLE: LazyLock<Box<Table>> = LazyLock::new(|| table(even(&HEAT.map(polar), COLOURS)));
     &TABLE
 }
 
@@ -205,6 +219,7 @@ mod tests {
             (diverging(), 0, half),
             (diverging(), half, COLOURS),
             (wheel(), 0, COLOURS),
+            (heat(), 0, COLOURS),
         ] {
             let spread = spread(&steps(table, from, to, 64));
             assert!(spread < 1.15, "{spread}");

@@ -27,6 +27,8 @@ struct Side {
     step: f64,
     texels: u32,
     repeats: bool,
+    /// The least texels that a pixel's box is wide, around its middle.
+    least: f64,
 }
 
 impl Side {
@@ -44,13 +46,15 @@ impl Side {
             let inside = middle >= 0.0 && middle < n;
             taps.borders
                 .push(a.floor() != b.floor() && (inside || self.repeats));
+            let width = self.step.max(self.least);
+            let (a, b) = (middle - 0.5 * width, middle + 0.5 * width);
             if self.repeats && b - a >= n {
                 taps.add(0.0, n, n, n, level);
             } else if self.repeats {
                 let a = a - (a / n).floor() * n;
-                let b = a + self.step;
-                taps.add(a, b.min(n), self.step, n, level);
-                taps.add(0.0, b - n, self.step, n, level);
+                let b = a + width;
+                taps.add(a, b.min(n), width, n, level);
+                taps.add(0.0, b - n, width, n, level);
             } else if inside {
                 let (a, b) = (a.max(0.0), b.min(n));
                 taps.add(a, b, b - a, n, level);
@@ -107,17 +111,21 @@ pub(super) struct Sampler<'a, R, const N: usize> {
 }
 
 impl<'a, R: Rows<N>, const N: usize> Sampler<'a, R, N> {
-    /// For the pixels of `columns` and `rows`, which may lie beside the canvas.
+    /// For the pixels of `columns` and `rows`, which may lie beside the canvas. With `smooth`, texels that are larger than
+    /// pixels blend into each other: a box one texel wide over texels of one value each is their linear interpolation.
     pub(super) fn new(
         source: &'a R,
         levels: &'a Levels<N>,
         wrap: Wrap,
         camera: &Camera2d,
-        columns: Range<i64>,
-        rows: Range<i64>,
+        [columns, rows]: [Range<i64>; 2],
+        smooth: bool,
     ) -> Self {
         let size = source.size();
-        let [u, v] = sides(size, wrap, camera);
+        let [u, v] = sides(size, wrap, camera).map(|side| Side {
+            least: if smooth { 1.0 } else { 0.0 },
+            ..side
+        });
         // Exact halvings, so that the level is the same for every rectangle.
         let finest = u.step.min(v.step).max(1.0);
         let level = (finest.log2().floor() as usize).min(levels.count());
@@ -211,6 +219,7 @@ fn sides(map: Size, wrap: Wrap, camera: &Camera2d) -> [Side; 2] {
         step: 1.0 / per_texel,
         texels,
         repeats: repeats && camera.repeat,
+        least: 0.0,
     };
     [
         side(origin.x, per_texel.x, map.width(), wrap.repeats_u()),
@@ -271,12 +280,12 @@ mod tests {
             &levels,
             wrap,
             camera,
-            0..i64::from(cw),
-            0..i64::from(ch),
+            [0..i64::from(cw), 0..i64::from(ch)],
+            false,
         );
         let mut out = Vec::new();
         sampler.each_row(0..ch as usize, |_, row| {
-            out.extend(row.iter().map(|v| v[0]))
+            out.extend(row.iter().map(|v| v[0]));
         });
         out
     }
@@ -306,12 +315,15 @@ mod tests {
                 values: &values,
             };
             let levels = Levels::new(&source);
-            let sampler = Sampler::new(&source, &levels, Wrap::Repeat, camera, -9..50, -9..50);
-            sampler.each_row(0..59, |_, row| {
-                for v in row {
-                    assert!((v[0] - 1.0).abs() < 1e-4, "{camera:?}: {}", v[0]);
-                }
-            });
+            for smooth in [false, true] {
+                let pixels = [-9..50, -9..50];
+                let sampler = Sampler::new(&source, &levels, Wrap::Repeat, camera, pixels, smooth);
+                sampler.each_row(0..59, |_, row| {
+                    for v in row {
+                        assert!((v[0] - 1.0).abs() < 1e-4, "{camera:?}: {}", v[0]);
+                    }
+                });
+            }
         };
         for zoom in [0.001, 0.013, 0.3, 0.77, 1.0, 1.5, 3.0, 17.3] {
             for texel_aspect in [0.4, 1.0, 3.0] {

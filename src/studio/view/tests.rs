@@ -53,6 +53,7 @@ fn views() -> Vec<View> {
         View::AlphaY(AlphaRange::default()),
         View::Ratio(RatioRange::default()),
         View::Direction,
+        View::Grain,
     ]
 }
 
@@ -267,6 +268,126 @@ fn seen_from_afar_crossed_grooves_look_isotropic() {
     );
 }
 
+/// The direction of least change in a part of a grey picture, in degrees from `local` at each pixel: from the mean of the
+/// gradient's outer product.
+fn grain_degrees(
+    rgba: &[u8],
+    width: usize,
+    rect: Rect,
+    local: impl Fn(usize, usize) -> f32,
+) -> f32 {
+    // Blurred, since differences of pixels tell the slope of thin lines wrongly.
+    const HILL: [f32; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
+    let at = |x: usize, y: usize| {
+        let taps = (0..25).map(|k| (k % 5, k / 5));
+        taps.map(|(i, j)| {
+            HILL[i] * HILL[j] * f32::from(rgba[4 * ((y + j - 2) * width + x + i - 2)])
+        })
+        .sum::<f32>()
+    };
+    let (mut c, mut s) = (0.0, 0.0);
+    for y in rect.y as usize..(rect.y + rect.height) as usize {
+        for x in rect.x as usize..(rect.x + rect.width) as usize {
+            let gx = at(x + 1, y) - at(x - 1, y);
+            let gy = at(x, y - 1) - at(x, y + 1);
+            let (sin, cos) = (2.0 * local(x, y)).to_radians().sin_cos();
+            let (a, b) = (gx * gx - gy * gy, 2.0 * gx * gy);
+            c += a * cos + b * sin;
+            s += b * cos - a * sin;
+        }
+    }
+    // The gradient stands across the grain.
+    (0.5 * (-s).atan2(-c)).to_degrees().rem_euclid(180.0)
+}
+
+fn apart(a: f32, b: f32) -> f32 {
+    let d = (a - b).rem_euclid(180.0);
+    d.min(180.0 - d)
+}
+
+#[test]
+fn grain_lies_along_the_grooves() {
+    let canvas = size(220, 220);
+    let inner = Rect {
+        x: 20,
+        y: 20,
+        width: 180,
+        height: 180,
+    };
+    for degrees in (0..180u16).step_by(11) {
+        let degrees = f32::from(degrees);
+        for (t, want) in [
+            (texel(0.05, 0.4, degrees), degrees),
+            (texel(0.4, 0.05, degrees), degrees + 90.0),
+        ] {
+            let map = AnisoMap::constant(size(256, 256), Wrap::Repeat, t);
+            let rgba = drawn(View::Grain, &map, &Camera2d::fit(map.size(), canvas, 1.0));
+            let got = grain_degrees(&rgba, 220, inner, |_, _| 0.0);
+            assert!(apart(got, want) < 3.0, "{want}: {got}");
+        }
+    }
+}
+
+#[test]
+fn grain_goes_round_a_circle_at_any_zoom() {
+    for n in [40, 200, 1000] {
+        let mut map = AnisoMap::constant(size(n, n), Wrap::Clamp, DEFAULT_TEXEL);
+        for i in 0..map.size().texels() {
+            let (x, y) = (i as u32 % n, i as u32 / n);
+            let middle = 0.5 * n as f32 - 0.5;
+            let azimuth = (middle - y as f32).atan2(x as f32 - middle).to_degrees();
+            map.region_mut().set(i, texel(0.05, 0.4, azimuth + 90.0));
+        }
+        let rgba = drawn(
+            View::Grain,
+            &map,
+            &Camera2d::fit(map.size(), size(400, 400), 1.0),
+        );
+        let tangent = |x: usize, y: usize| {
+            let (x, y) = (x as f32 - 199.5, 199.5 - y as f32);
+            y.atan2(x).to_degrees() + 90.0
+        };
+        for (x, y) in [
+            (20, 20),
+            (240, 20),
+            (20, 240),
+            (240, 240),
+            (20, 130),
+            (130, 20),
+        ] {
+            let window = Rect {
+                x,
+                y,
+                width: 140,
+                height: 140,
+            };
+            let off = apart(grain_degrees(&rgba, 400, window, tangent), 0.0);
+            assert!(off < 4.0, "{n} {window:?}: {off}");
+        }
+    }
+}
+
+#[test]
+fn grain_has_the_same_contrast_at_every_zoom_and_less_without_direction() {
+    let contrast = |t: Texel, zoom: f64| {
+        let map = AnisoMap::constant(size(512, 512), Wrap::Repeat, t);
+        let camera = Camera2d {
+            zoom,
+            repeat: true,
+            ..Camera2d::fit(map.size(), size(300, 300), 1.0)
+        };
+        let rgba = drawn(View::Grain, &map, &camera);
+        let greys = || rgba.chunks(4).map(|p| f32::from(p[0]));
+        let mean = greys().sum::<f32>() / 9e4;
+        (greys().map(|g| (g - mean) * (g - mean)).sum::<f32>() / 9e4).sqrt()
+    };
+    for zoom in [0.1, 0.5, 0.8, 1.0, 1.3, 5.0, 33.0] {
+        let got = contrast(texel(0.05, 0.4, 20.0), zoom);
+        assert!((36.0..58.0).contains(&got), "{zoom}: {got}");
+    }
+    assert!(contrast(texel(0.2, 0.2, 20.0), 1.0) < 20.0);
+}
+
 /// How long the views of a large map take; asked for by name, in a release build on a quiet machine.
 #[test]
 #[ignore = "measures"]
@@ -302,7 +423,7 @@ fn views_are_timed() {
             let mut rgba = vec![0; 900 * 900 * 4];
             let rect = camera.size.rect();
             let time = best(Box::new(|| {
-                view.draw(&map, &averages, &camera, rect, &mut rgba)
+                view.draw(&map, &averages, &camera, rect, &mut rgba);
             }));
             let name = format!("{view:?}");
             println!("zoom {zoom:.2} {:10.10} {time:.2} ms", name);
@@ -322,38 +443,123 @@ fn views_of_presets_can_be_written_to_be_looked_at() {
         "brushed_aluminium",
         "scratched_steel",
         "twill",
-        "satin",
+        "turned_disc",
     ] {
         let recipe = crate::recipe::open(name).unwrap();
-        let n = 512;
-        let prepared = recipe
-            .recipe()
-            .prepare(
-                size(n, n),
-                &recipe.files(false),
-                &crate::progress::Progress::none(),
-            )
-            .unwrap();
-        let map = prepared.map(&crate::progress::Progress::none()).unwrap();
+        let (files, none) = (recipe.files(false), crate::progress::Progress::none());
+        let prepared = recipe.recipe().prepare(size(512, 512), &files, &none);
+        let map = prepared.unwrap().map(&none).unwrap();
+        let texel_aspect = f64::from(recipe.recipe().aspect_at(map.size()));
         let averages = Averages::new(&map);
         let range = AlphaRange::of(&averages);
-        let mut all = views();
-        all[1] = View::AlphaX(range);
-        all[2] = View::AlphaY(range);
-        all[0] = View::Lit(Lighting {
+        let lighting = Lighting {
             material: recipe.recipe().material,
             ..Lighting::default()
-        });
-        let side = 400;
-        let mut sheet = image::RgbaImage::new(side * 3, side * 2);
-        for (i, view) in all.iter().enumerate() {
-            let camera = Camera2d::fit(map.size(), size(side, side), 1.0);
-            let tile = image::RgbaImage::from_raw(side, side, drawn(*view, &map, &camera)).unwrap();
-            let (x, y) = (i as u32 % 3 * side, i as u32 / 3 * side);
-            image::imageops::replace(&mut sheet, &tile, x.into(), y.into());
+        };
+        let all = [
+            View::Lit(lighting),
+            View::AlphaX(range),
+            View::AlphaY(range),
+            View::Ratio(RatioRange::default()),
+            View::Direction,
+            View::Grain,
+        ];
+        let side = 420;
+        let mut sheet = Sheet::new(side * 3, (side + 130) * 2);
+        for (i, view) in all.into_iter().enumerate() {
+            let mut camera = Camera2d::fit(map.size(), size(side, side), texel_aspect);
+            if i == 5 {
+                camera.zoom *= 1.3;
+            }
+            let place = [i as u32 % 3 * side, i as u32 / 3 * (side + 130)];
+            sheet.paste(&drawn(view, &map, &camera), side, place);
+            if i == 3 {
+                for needle in needles(&map, &averages, &camera, 24.0) {
+                    sheet.line(needle.ends, place, [20, 20, 20, 255]);
+                }
+            }
+            if i == 4 {
+                let mesh = crate::mesh::builtin(if name == "pot" { "pot" } else { "disc" });
+                let found = LintMarks::find(&map, mesh.as_ref(), &none).unwrap();
+                let mut veil = vec![0; 4 * (side * side) as usize];
+                found.draw_texels(&camera, true, camera.size.rect(), &mut veil);
+                sheet.paste(&veil, side, place);
+                for seam in found.seams(&camera) {
+                    sheet.line(seam.ends, place, seam.colour);
+                }
+                for pole in found.poles(&camera) {
+                    sheet.line([pole.at - 6.0, pole.at + 6.0], place, [255; 4]);
+                }
+                println!(
+                    "{name}: {} poles {:?}, {} seams",
+                    found.marks().poles.len(),
+                    found.marks().rough,
+                    found.marks().seams.len()
+                );
+            }
+            if let Some(legend) = view.legend(size(360, if i == 4 { 86 } else { 14 })) {
+                sheet.legend(&legend, [place[0] + 30, place[1] + side + 20]);
+            }
         }
-        sheet
-            .save(std::path::Path::new(&folder).join(format!("{name}.png")))
-            .unwrap();
+        let path = std::path::Path::new(&folder).join(format!("{name}.png"));
+        sheet.0.save(path).unwrap();
+    }
+}
+
+struct Sheet(image::RgbaImage);
+
+impl Sheet {
+    fn new(width: u32, height: u32) -> Self {
+        Self(image::RgbaImage::from_pixel(
+            width,
+            height,
+            image::Rgba([30, 31, 34, 255]),
+        ))
+    }
+
+    fn put(&mut self, x: i64, y: i64, [r, g, b, a]: [u8; 4]) {
+        let (Ok(x), Ok(y)) = (u32::try_from(x), u32::try_from(y)) else {
+            return;
+        };
+        if let Some(pixel) = self.0.get_pixel_mut_checked(x, y) {
+            for (p, c) in pixel.0.iter_mut().zip([r, g, b]) {
+                *p = c.saturating_add((u16::from(*p) * u16::from(255 - a) / 255) as u8);
+            }
+        }
+    }
+
+    fn paste(&mut self, rgba: &[u8], width: u32, [x, y]: [u32; 2]) {
+        for (i, p) in (0u32..).zip(rgba.chunks(4)) {
+            let (i, j) = (i % width, i / width);
+            self.put((x + i).into(), (y + j).into(), [p[0], p[1], p[2], p[3]]);
+        }
+    }
+
+    fn line(&mut self, [a, b]: [glam::Vec2; 2], [x, y]: [u32; 2], colour: [u8; 4]) {
+        let steps = (a.distance(b) * 2.0).ceil().max(1.0) as u32;
+        for k in 0..=steps {
+            let p = a.lerp(b, k as f32 / steps as f32);
+            let at = (p.x as i64 + i64::from(x), p.y as i64 + i64::from(y));
+            self.put(at.0, at.1, colour);
+            self.put(at.0 + 1, at.1, colour);
+        }
+    }
+
+    fn legend(&mut self, legend: &Legend, [x, y]: [u32; 2]) {
+        self.paste(&legend.rgba, legend.size.width(), [x, y]);
+        let mut text = crate::preview::Picture::new(size(90, 14), [0.0; 3]);
+        for tick in &legend.ticks {
+            let text_at = tick.at + tick.outward * glam::Vec2::new(22.0, 12.0);
+            let (tx, ty) = (text_at.x as u32 + x, text_at.y as u32 + y);
+            self.line([tick.at, tick.at + 4.0 * tick.outward], [x, y], [220; 4]);
+            text.pixels_mut().fill([0.0; 3]);
+            let area = size(90, 14).rect();
+            let align = crate::preview::Align::Centre;
+            crate::preview::write_text(&mut text, area, &tick.label, 13.0, align, [1.0; 3]);
+            for (k, c) in (0u32..).zip(text.to_srgb8().chunks(3)) {
+                let at = (i64::from(tx + k % 90) - 45, i64::from(ty + k / 90) - 7);
+                self.put(at.0, at.1, [c[0] / 2, c[0] / 2, c[0] / 2, 0]);
+            }
+        }
     }
 }
