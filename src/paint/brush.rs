@@ -346,6 +346,18 @@ impl Brush {
         self.symmetry.check()
     }
 
+    /// The same brush with every length times `factor`, kept to what is allowed: one for UV, made one for a mesh.
+    #[must_use]
+    pub fn scaled(&self, factor: f32) -> Self {
+        let mut brush = self.clone();
+        brush.radius = (brush.radius * factor).clamp(1e-5, 10.0);
+        if let Tool::Scratch(scratch) = &mut brush.tool {
+            scratch.length = (scratch.length * factor).clamp(1e-4, 10.0);
+            scratch.width = (scratch.width * factor).clamp(1e-5, 1.0);
+        }
+        brush
+    }
+
     /// The radius at a pressure.
     pub(super) fn radius_at(&self, pressure: f32) -> f32 {
         self.radius * (self.pressure.size + (1.0 - self.pressure.size) * pressure)

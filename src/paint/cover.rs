@@ -26,16 +26,17 @@ pub(super) struct Shape {
     soft: f32,
     /// The least breadth of the fall: a texel.
     pub(super) texel: f32,
+    /// Whether pieces are scratches, hard and straight.
+    pub(super) scratch: bool,
 }
 
 impl Shape {
     pub(super) fn new(brush: &Brush, texel: f32) -> Self {
+        let scratch = matches!(brush.tool, super::Tool::Scratch(_));
         Self {
-            soft: match brush.tool {
-                super::Tool::Scratch(_) => 0.0,
-                _ => 1.0 - brush.hardness,
-            },
+            soft: if scratch { 0.0 } else { 1.0 - brush.hardness },
             texel,
+            scratch,
         }
     }
 
@@ -45,14 +46,15 @@ impl Shape {
         radius.max((1.0 - 0.5 * self.soft) * radius + 0.5 * self.texel)
     }
 
-    /// Coverage at a distance from the middle, and how deep inside the rim that is, in breadths of the fall.
+    /// Coverage at a distance from the middle where texels are so large, and how deep inside the rim that is, in breadths of the
+    /// fall.
     #[inline(always)]
-    pub(super) fn at(&self, distance: f32, radius: f32, inverse_texel: f32) -> (f32, f32) {
-        let fall = (self.soft * radius).max(self.texel);
+    pub(super) fn at(&self, distance: f32, radius: f32, texel: f32) -> (f32, f32) {
+        let fall = (self.soft * radius).max(texel);
         let depth = ((1.0 - 0.5 * self.soft) * radius + 0.5 * fall - distance) / fall;
         let s = depth.clamp(0.0, 1.0);
         // A piece thinner than a texel covers a part of it.
-        let thin = (2.0 * radius * inverse_texel).min(1.0);
+        let thin = (2.0 * radius / texel).min(1.0);
         (s * s * (3.0 - 2.0 * s) * thin, depth)
     }
 }
@@ -63,7 +65,7 @@ pub(super) struct Cover {
     /// First column and row of the tile in the map.
     pub(super) origin: IVec2,
     pub(super) weight: Vec<f32>,
-    depth: Vec<f32>,
+    pub(super) depth: Vec<f32>,
     pub(super) dx: Vec<f32>,
     pub(super) dy: Vec<f32>,
     /// For each row the lanes that may be covered: first and one past the last.
@@ -71,7 +73,7 @@ pub(super) struct Cover {
 }
 
 /// How much farther away a piece counts beyond the bends at its ends, in breadths of its fall.
-const BEND: f32 = 0.01;
+pub(super) const BEND: f32 = 0.01;
 
 const NO_SPAN: (u8, u8) = (u8::MAX, 0);
 
@@ -273,7 +275,6 @@ fn add_rows<S: Simd>(
     columns: (usize, usize),
     reach: f32,
 ) {
-    let inverse_texel = 1.0 / shape.texel;
     let per_lane = 1.0 / (grid.texel.x * LANES as f32);
     let origin = cover.origin.x as f32;
     for row in rect.y..rect.y + rect.height {
@@ -298,7 +299,7 @@ fn add_rows<S: Simd>(
             add_lane(
                 stamp,
                 shape,
-                (x, grid.texel.x, qy, inverse_texel),
+                (x, grid.texel.x, qy),
                 lane_mut(&mut cover.weight, place),
                 lane_mut(&mut cover.depth, place),
                 lane_mut(&mut cover.dx, place),
@@ -328,7 +329,7 @@ pub(super) fn lane(plane: &[f32], place: usize) -> &Lane {
 fn add_lane(
     p: &Stamp,
     shape: &Shape,
-    (x, texel, qy, inverse_texel): (f32, f32, f32, f32),
+    (x, texel, qy): (f32, f32, f32),
     weight: &mut Lane,
     depth: &mut Lane,
     dx: &mut Lane,
@@ -340,7 +341,7 @@ fn add_lane(
         let (ex, ey) = (qx - p.d.x * t, qy - p.d.y * t);
         let distance = (ex * ex + ey * ey).sqrt();
         let radius = p.radius[0] + p.radius[1] * t;
-        let (coverage, deep) = shape.at(distance, radius, inverse_texel);
+        let (coverage, deep) = shape.at(distance, radius, shape.texel);
         let w = coverage * (p.flow[0] + p.flow[1] * t);
         // The part of the way for the direction is told between the lines that halve the bends at both ends: so it goes on
         // evenly from piece to piece, inside a bend as outside.

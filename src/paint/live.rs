@@ -1,18 +1,20 @@
 //! A stroke while it is being made: each point costs what it touches, and what is seen is what the finished stroke gives.
 
 use super::composite::{Planes, View, Work, apply};
-use super::cover::{Cover, Shape, TILE};
+use super::course::{Course, Plane, tiles_of};
+use super::cover::Cover;
 use super::laid::{Copies, Ground};
 use super::painting::hull;
+use super::skin::Skin;
 use super::smooth::Kernel;
-use super::trail::{Piece, Trail};
-use super::{Brush, POINTS_MAX, Point, Points, Stroke};
+use super::stroke::Added;
+use super::trail::Trail;
+use super::{Brush, MeshPoints, POINTS_MAX, Point, Points, Stroke, solid};
 use crate::error::Result;
 use crate::map::{Rect, Region};
 use crate::pattern::Surface;
-use glam::{IVec2, Vec2};
+use glam::{IVec2, Vec2, Vec3};
 use rayon::prelude::*;
-use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A stroke in the making.
@@ -23,14 +25,20 @@ pub struct Live {
     ground: Ground,
     brush: Arc<Brush>,
     seed: u32,
-    shape: Shape,
-    points: Vec<Point>,
-    trail: Trail<Vec2>,
-    copies: Copies,
-    /// What the pieces cover that will not change any more, by tile.
-    tiles: HashMap<(u32, u32), Cover>,
-    /// The pieces after those, of a stroke that ends here.
-    tail: Vec<Piece<Vec2>>,
+    path: Path,
+}
+
+enum Path {
+    Uv {
+        points: Vec<Point>,
+        copies: Copies,
+        course: Course<Vec2>,
+    },
+    Mesh {
+        points: MeshPoints,
+        skin: Arc<Skin>,
+        course: Course<Vec3>,
+    },
 }
 
 impl Live {
@@ -42,15 +50,33 @@ impl Live {
         brush.check()?;
         let ground = Ground::new(surface);
         Ok(Self {
-            shape: ground.shape(&brush),
-            trail: Trail::new(&brush, seed),
-            copies: Copies::new(&brush.symmetry, ground.grid.extent),
+            path: Path::Uv {
+                points: Vec::new(),
+                copies: Copies::new(&brush.symmetry, ground.grid.extent),
+                course: Course::new(Trail::new(&brush, seed), ground.shape(&brush)),
+            },
             ground,
             brush,
             seed,
-            points: Vec::new(),
-            tiles: HashMap::new(),
-            tail: Vec::new(),
+        })
+    }
+
+    /// A stroke on a mesh without points yet.
+    ///
+    /// # Errors
+    /// When the brush does not check.
+    pub fn on_mesh(brush: Arc<Brush>, seed: u32, skin: Arc<Skin>) -> Result<Self> {
+        brush.check()?;
+        let shape = solid::shape(&brush, &skin);
+        Ok(Self {
+            ground: skin.ground,
+            path: Path::Mesh {
+                points: MeshPoints::new(skin.extent()),
+                course: Course::new(Trail::new(&brush, seed), shape),
+                skin,
+            },
+            brush,
+            seed,
         })
     }
 
@@ -61,81 +87,64 @@ impl Live {
 
     /// How many points it has.
     pub fn len(&self) -> usize {
-        self.points.len()
+        match &self.path {
+            Path::Uv { points, .. } => points.len(),
+            Path::Mesh { points, .. } => points.len(),
+        }
     }
 
     /// Whether it has no point yet.
     pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
+        self.len() == 0
     }
 
     /// Whether it takes no more points ([`POINTS_MAX`]): time to finish it and begin another at the same place.
     pub fn is_full(&self) -> bool {
-        self.points.len() >= POINTS_MAX
+        self.len() >= POINTS_MAX
     }
 
-    /// The stroke goes on to a point. The rectangles in which something changes; they may overlap.
+    /// The stroke goes on to a point in UV. The rectangles in which something changes; they may overlap. None for a stroke on a
+    /// mesh.
     pub fn push(&mut self, point: Point) -> Vec<Rect> {
-        if self.is_full() {
+        let (everywhere, whole) = (self.brush.tool.is_everywhere(), self.whole());
+        let Path::Uv {
+            points,
+            copies,
+            course,
+        } = &mut self.path
+        else {
             return Vec::new();
+        };
+        let added = Points::add_uv(points, point);
+        if everywhere || added == Added::Nothing {
+            return first_only(points.len(), added, whole);
         }
-        let mut dirty = Dirty::default();
-        if self.brush.tool.is_everywhere() {
-            if self.points.is_empty() {
-                dirty.add(self.whole());
-            }
-            Points::add_uv(&mut self.points, point);
-            return dirty.0;
-        }
-        let before = self.points.last().copied();
-        Points::add_uv(&mut self.points, point);
-        if before == self.points.last().copied() {
-            return Vec::new(); // nothing new
-        }
-        self.mark_tail(&mut dirty);
-        let last = self.points[self.points.len() - 1];
-        let node = self.ground.node(&self.brush, last);
-        if before.is_some_and(|b| (b.x, b.y) == (last.x, last.y)) {
-            self.trail.press(node.radius, node.flow);
-        } else {
-            let mut done = Vec::new();
-            let copies = &self.copies;
-            self.trail.push(node, |p| copies.each(p, |p| done.push(p)));
-            for piece in &done {
-                self.settle(piece, &mut dirty);
-            }
-        }
-        self.tail.clear();
-        let (copies, tail) = (&self.copies, &mut self.tail);
-        self.trail.tail(|p| copies.each(p, |p| tail.push(p)));
-        self.mark_tail(&mut dirty);
-        dirty.0
+        let node = self.ground.node(&self.brush, points[points.len() - 1]);
+        let plane = Plane {
+            ground: &self.ground,
+            copies,
+        };
+        course.go_on(node, added == Added::Pressure, &plane).0
     }
 
-    /// Adds a piece that is final to the tiles.
-    fn settle(&mut self, piece: &Piece<Vec2>, dirty: &mut Dirty) {
-        let Self {
-            ground,
-            shape,
-            tiles,
-            ..
-        } = self;
-        ground.rects(piece, shape, |rect, period| {
-            dirty.add(rect);
-            for (place, part) in tiles_of(rect) {
-                let tile = tiles
-                    .entry(place)
-                    .or_insert_with(|| Cover::new(origin(place)));
-                tile.add(piece, ground.shift(period), shape, &ground.grid, part);
-            }
-        });
-    }
-
-    fn mark_tail(&self, dirty: &mut Dirty) {
-        for piece in &self.tail {
-            self.ground
-                .rects(piece, &self.shape, |rect, _| dirty.add(rect));
+    /// The stroke goes on to a point of its mesh, with the surface's normal there. The rectangles in which something changes;
+    /// none for a stroke in UV, and for numbers that are none.
+    pub fn push_on_mesh(&mut self, position: Vec3, normal: Vec3, pressure: f32) -> Vec<Rect> {
+        let (everywhere, whole) = (self.brush.tool.is_everywhere(), self.whole());
+        let Path::Mesh {
+            points,
+            skin,
+            course,
+        } = &mut self.path
+        else {
+            return Vec::new();
+        };
+        let added = points.add(position, normal, pressure);
+        if everywhere || added == Added::Nothing {
+            return first_only(points.len(), added, whole);
         }
+        let node = solid::node(&self.brush, points, points.len() - 1);
+        course.go_on(node, added == Added::Pressure, &**skin).0
     }
 
     fn whole(&self) -> Rect {
@@ -200,20 +209,15 @@ impl Live {
 
     /// What the stroke so far covers in a part of a tile.
     fn cover(&self, place: (u32, u32), part: Rect, cover: &mut Cover) {
-        match self.tiles.get(&place) {
-            Some(settled) => cover.copy_from(settled),
-            None => cover.clear(origin(place)),
+        match &self.path {
+            Path::Uv { copies, course, .. } => {
+                let ground = &self.ground;
+                course.cover(place, part, &Plane { ground, copies }, cover);
+            }
+            Path::Mesh { skin, course, .. } => course.cover(place, part, &**skin, cover),
         }
-        if self.brush.tool.is_everywhere() && !self.points.is_empty() {
+        if self.brush.tool.is_everywhere() && !self.is_empty() {
             cover.fill(self.brush.flow);
-        }
-        for piece in &self.tail {
-            self.ground.rects(piece, &self.shape, |rect, period| {
-                if rect.intersection(part).is_some() {
-                    let shift = self.ground.shift(period);
-                    cover.add(piece, shift, &self.shape, &self.ground.grid, part);
-                }
-            });
         }
     }
 
@@ -224,48 +228,22 @@ impl Live {
         } else {
             1
         };
-        if self.points.len() < least {
+        if self.len() < least {
             return None;
         }
-        let points = Points::Uv(self.points);
+        let points = match self.path {
+            Path::Uv { points, .. } => Points::Uv(points),
+            Path::Mesh { points, .. } => Points::Mesh(points),
+        };
         Some(Stroke::from_parts(self.brush, self.seed, points).expect("within the limits by push"))
     }
 }
 
-fn origin((x, y): (u32, u32)) -> IVec2 {
-    IVec2::new((x * TILE) as i32, (y * TILE) as i32)
-}
-
-/// The tiles that a rectangle meets, by column and row, each with what they have in common.
-fn tiles_of(rect: Rect) -> impl Iterator<Item = ((u32, u32), Rect)> {
-    let across = rect.x / TILE..(rect.x + rect.width).div_ceil(TILE);
-    let down = rect.y / TILE..(rect.y + rect.height).div_ceil(TILE);
-    down.flat_map(move |y| across.clone().map(move |x| (x, y)))
-        .filter_map(move |(x, y)| {
-            let tile = Rect {
-                x: x * TILE,
-                y: y * TILE,
-                width: TILE,
-                height: TILE,
-            };
-            Some(((x, y), tile.intersection(rect)?))
-        })
-}
-
-/// Rectangles that changed: few, and together not much larger than what did.
-#[derive(Default)]
-struct Dirty(Vec<Rect>);
-
-impl Dirty {
-    fn add(&mut self, rect: Rect) {
-        let mut rect = rect;
-        // What it is joined with may in turn be joined with others.
-        while let Some(n) = self.0.iter().position(|other| {
-            let both = (rect.texels() + other.texels()) as f32;
-            self.0.len() > 32 || hull(rect, *other).texels() as f32 <= 1.3 * both
-        }) {
-            rect = hull(rect, self.0.swap_remove(n));
-        }
-        self.0.push(rect);
+/// What a point changes for a tool that works everywhere: the first does all.
+fn first_only(points: usize, added: Added, whole: Rect) -> Vec<Rect> {
+    if points == 1 && added == Added::Point {
+        vec![whole]
+    } else {
+        Vec::new()
     }
 }

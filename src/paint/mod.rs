@@ -9,13 +9,16 @@
 
 mod brush;
 mod composite;
+mod course;
 mod cover;
 mod laid;
 mod live;
 mod packed;
 mod painting;
 pub mod path;
+mod skin;
 mod smooth;
+mod solid;
 mod stroke;
 mod trail;
 
@@ -25,6 +28,7 @@ pub use brush::{
 };
 pub use live::Live;
 pub use painting::Painting;
+pub use skin::Skin;
 pub use stroke::{MeshPoints, POINTS_MAX, Point, Points, STROKES_MAX, Stroke, Strokes, UV_REACH};
 
 #[cfg(test)]

@@ -3,14 +3,16 @@
 use super::composite::{Planes, View, Work, apply};
 use super::cover::{Cover, Shape, Stamp, TILE};
 use super::laid::{Ground, pieces};
+use super::skin::Skin;
 use super::smooth::Kernel;
+use super::solid;
 use super::trail::Piece;
 use super::{Stroke, Strokes};
 use crate::error::Result;
 use crate::map::{Rect, Region};
 use crate::pattern::Surface;
 use crate::progress::Progress;
-use glam::{IVec2, Vec2};
+use glam::{IVec2, Vec2, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,6 +20,7 @@ use std::sync::Arc;
 /// Strokes prepared for one surface. Strokes are added and taken away at the end in time that depends on their own length alone.
 pub struct Painting {
     ground: Ground,
+    skin: Option<Arc<Skin>>,
     columns: u32,
     strokes: Vec<Laid>,
     /// For each tile the pieces that may touch it, in the order of their strokes.
@@ -32,6 +35,7 @@ struct Laid {
     work: Work,
     shape: Shape,
     pieces: Vec<Piece<Vec2>>,
+    solid: Vec<Piece<Vec3>>,
     /// All texels that it may change, in one rectangle; `None` where it changes none.
     bounds: Option<Rect>,
 }
@@ -58,13 +62,15 @@ struct Look {
 const GAP: u32 = 32;
 
 impl Laid {
-    fn new(stroke: &Arc<Stroke>, ground: &Ground) -> Self {
+    fn new(stroke: &Arc<Stroke>, ground: &Ground, skin: Option<&Skin>) -> Self {
         let brush = stroke.brush();
+        let on_mesh = skin.filter(|_| stroke.is_on_mesh());
         Self {
             stroke: Arc::clone(stroke),
             work: Work::of(&brush.tool),
-            shape: ground.shape(brush),
+            shape: on_mesh.map_or(ground.shape(brush), |skin| solid::shape(brush, skin)),
             pieces: pieces(stroke, ground),
+            solid: on_mesh.map_or(Vec::new(), |_| solid::pieces(stroke)),
             bounds: None,
         }
     }
@@ -86,15 +92,21 @@ pub(super) fn hull(a: Rect, b: Rect) -> Rect {
 }
 
 impl Painting {
-    /// A painting of all strokes of a layer.
+    /// A painting of all strokes of a layer. Strokes on the mesh need it, as the surface lies on it; without they paint nothing.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`] when `progress`, which is asked now and then, says so.
-    pub fn new(surface: &Surface, strokes: &Strokes, progress: &Progress<'_>) -> Result<Self> {
+    pub fn new(
+        surface: &Surface,
+        strokes: &Strokes,
+        skin: Option<Arc<Skin>>,
+        progress: &Progress<'_>,
+    ) -> Result<Self> {
         let ground = Ground::new(surface);
         let size = surface.size;
         let mut painting = Self {
             ground,
+            skin,
             columns: size.width().div_ceil(TILE),
             strokes: Vec::with_capacity(strokes.strokes.len()),
             tiles: vec![
@@ -105,7 +117,11 @@ impl Painting {
         };
         for some in strokes.strokes.chunks(4096) {
             progress.check()?;
-            let laid: Vec<Laid> = some.par_iter().map(|s| Laid::new(s, &ground)).collect();
+            let skin = painting.skin.as_deref();
+            let laid: Vec<Laid> = some
+                .par_iter()
+                .map(|s| Laid::new(s, &ground, skin))
+                .collect();
             laid.into_iter().for_each(|l| painting.sort_in(l));
         }
         Ok(painting)
@@ -139,7 +155,8 @@ impl Painting {
 
     /// Adds a stroke at the end.
     pub fn push(&mut self, stroke: &Arc<Stroke>) {
-        self.sort_in(Laid::new(stroke, &self.ground));
+        let laid = Laid::new(stroke, &self.ground, self.skin.as_deref());
+        self.sort_in(laid);
     }
 
     /// Takes the last stroke away.
@@ -205,6 +222,19 @@ impl Painting {
                     add_entry(&mut tiles[(y * *columns + x) as usize], entry);
                 });
             });
+        }
+        for (n, piece) in laid.solid.iter().enumerate() {
+            let skin = self.skin.as_deref().expect("solid pieces come of one");
+            for (tile, rect) in solid::touched(piece, &laid.shape, skin) {
+                laid.bounds = Some(laid.bounds.map_or(rect, |b| hull(b, rect)));
+                let entry = Entry {
+                    stroke: number,
+                    first: n as u32,
+                    end: n as u32 + 1,
+                    period: (0, 0),
+                };
+                add_entry(&mut tiles[tile as usize], entry);
+            }
         }
         if laid.looks() && laid.bounds.is_some() {
             self.looking.push(number);
@@ -359,7 +389,16 @@ impl Painting {
             cover.fill(laid.stroke.brush().flow);
             return;
         }
-        for entry in run {
+        if !laid.solid.is_empty() {
+            let skin = self.skin.as_deref().expect("solid pieces come of one");
+            let places = skin.places((whole.x / TILE, whole.y / TILE));
+            for entry in run {
+                for piece in &laid.solid[entry.first as usize..entry.end as usize] {
+                    solid::add(cover, piece, &laid.shape, &places);
+                }
+            }
+        }
+        for entry in run.iter().filter(|_| laid.solid.is_empty()) {
             let shift = self.ground.shift(entry.period);
             for piece in &laid.pieces[entry.first as usize..entry.end as usize] {
                 cover.add(piece, shift, &laid.shape, &self.ground.grid, rect);

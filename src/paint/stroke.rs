@@ -95,13 +95,17 @@ impl MeshPoints {
         }
     }
 
-    /// Adds the nearest point that a file can hold. `false`, and no change, when a number is not finite or the normal has no
-    /// direction.
+    /// Adds the nearest point that a file can hold. `false`, and no change, when a number is not finite, the normal has no
+    /// direction, or there are [`POINTS_MAX`].
     pub fn push(&mut self, position: Vec3, normal: Vec3, pressure: f32) -> bool {
+        self.add(position, normal, pressure) != Added::Nothing
+    }
+
+    pub(super) fn add(&mut self, position: Vec3, normal: Vec3, pressure: f32) -> Added {
         let direction = normal.try_normalize();
         let (true, true, Some(normal)) = (position.is_finite(), pressure.is_finite(), direction)
         else {
-            return false;
+            return Added::Nothing;
         };
         let most = MESH_UNITS_MAX as f32;
         let whole = |x: f32| (x / self.step()).clamp(-most, most).round() as i32;
@@ -110,12 +114,11 @@ impl MeshPoints {
             normal: octahedral(normal),
             pressure: pressure_units(pressure),
         };
-        Self::add(&mut self.points, point);
-        true
+        Self::add_point(&mut self.points, point)
     }
 
-    fn add(points: &mut Vec<MeshPoint>, point: MeshPoint) {
-        add(points, point, |p| p.at, |p| &mut p.pressure);
+    fn add_point(points: &mut Vec<MeshPoint>, point: MeshPoint) -> Added {
+        add(points, point, |p| p.at, |p| &mut p.pressure)
     }
 
     /// How many.
@@ -164,21 +167,38 @@ fn from_octahedral(units: [i16; 2]) -> Vec3 {
     Vec3::new(toward(x), toward(y), z).normalize_or(Vec3::Z)
 }
 
+/// What adding a point changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Added {
+    Nothing,
+    /// The pressure of the last point, at whose place it is.
+    Pressure,
+    Point,
+}
+
 /// Adds a point to others. One at the place of the last is no new one: the larger of both pressures stays.
 fn add<P: Copy, K: PartialEq>(
     points: &mut Vec<P>,
     point: P,
     place: impl Fn(&P) -> K,
     pressure: impl Fn(&mut P) -> &mut u16,
-) {
+) -> Added {
+    let full = points.len() >= POINTS_MAX;
     match points.last_mut() {
         Some(last) if place(last) == place(&point) => {
             let mut point = point;
-            let new = *pressure(&mut point);
-            let old = pressure(last);
-            *old = new.max(*old);
+            let (new, old) = (*pressure(&mut point), pressure(last));
+            if new <= *old {
+                return Added::Nothing;
+            }
+            *old = new;
+            Added::Pressure
         }
-        _ => points.push(point),
+        _ if full => Added::Nothing,
+        _ => {
+            points.push(point);
+            Added::Point
+        }
     }
 }
 
@@ -207,10 +227,16 @@ impl Points {
 
     /// Takes out points at the place of the one before, as adding them one by one does.
     pub(super) fn dedup(&mut self) {
-        fn each<P: Copy>(points: &mut Vec<P>, mut push: impl FnMut(&mut Vec<P>, P), doubled: bool) {
+        fn each<P: Copy>(
+            points: &mut Vec<P>,
+            mut push: impl FnMut(&mut Vec<P>, P) -> Added,
+            doubled: bool,
+        ) {
             if doubled {
                 let old = std::mem::take(points);
-                old.into_iter().for_each(|p| push(points, p));
+                for p in old {
+                    push(points, p);
+                }
             }
         }
         match self {
@@ -222,14 +248,14 @@ impl Points {
             }
             Self::Mesh(mesh) => {
                 let doubled = mesh.points.windows(2).any(|p| p[0].at == p[1].at);
-                each(&mut mesh.points, MeshPoints::add, doubled);
+                each(&mut mesh.points, MeshPoints::add_point, doubled);
             }
         }
     }
 
     /// Adds a point of UV as a stroke holds it: one at the place of the last is no new one, the larger of both pressures stays.
-    pub(super) fn add_uv(points: &mut Vec<Point>, point: Point) {
-        add(points, point, |p| (p.x, p.y), |p| &mut p.pressure);
+    pub(super) fn add_uv(points: &mut Vec<Point>, point: Point) -> Added {
+        add(points, point, |p| (p.x, p.y), |p| &mut p.pressure)
     }
 }
 
@@ -252,11 +278,10 @@ impl Stroke {
         points: impl IntoIterator<Item = Point>,
     ) -> Result<Self> {
         brush.check()?;
-        let mut kept = Vec::new();
-        for point in points {
-            Points::add_uv(&mut kept, point);
-        }
-        Self::from_parts(brush, seed, Points::Uv(kept))
+        let given = Points::Uv(points.into_iter().take(POINTS_MAX + 1).collect());
+        let mut stroke = Self::from_parts(brush, seed, given)?;
+        stroke.points.dedup();
+        Ok(stroke)
     }
 
     /// A stroke on a mesh.

@@ -37,7 +37,7 @@ fn painting(surface: &Surface, strokes: &[Arc<Stroke>]) -> Painting {
         strokes: strokes.to_vec(),
         mesh: None,
     };
-    Painting::new(surface, &strokes, &Progress::none()).unwrap()
+    Painting::new(surface, &strokes, None, &Progress::none()).unwrap()
 }
 
 /// What lies below in the tests: not the same anywhere.

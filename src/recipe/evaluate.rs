@@ -1,7 +1,9 @@
 //! A recipe to a map, in two steps: [`Recipe::prepare`] does once what needs the whole; [`Prepared::fill`] is pure and
 //! gives for any rectangle exactly what the whole would.
 
+use super::files::is_path;
 use super::layer::{Blend, below, derived_seed};
+use super::unknown_word;
 use super::{Channels, Files, Layer, Mask, MaskSource, Recipe, Source};
 use crate::coverage::DrawnMask;
 use crate::error::{Error, Result};
@@ -10,7 +12,8 @@ use crate::map::{
     SlopeCovariance, Texel, blend,
 };
 use crate::math::{AXIS_MIN_LENGTH, Axis, smoothstep};
-use crate::paint::Painting;
+use crate::mesh;
+use crate::paint::{Painting, Skin, Strokes};
 use crate::pattern::{Fill, Patch, Surface};
 use crate::progress::Progress;
 use glam::Vec2;
@@ -42,10 +45,19 @@ struct PreparedLayer {
     channels: Channels,
     source: PreparedSource,
     mask: Option<Arc<PreparedMask>>,
-    /// What source and mask were made of.
-    of: (Source, Option<Mask>, Surface),
+    of: Origin,
     /// What reading its image had to change.
     mended: Mended,
+}
+
+/// What a source and a mask were made of.
+#[derive(Clone)]
+struct Origin {
+    source: Source,
+    mask: Option<Mask>,
+    surface: Surface,
+    /// The recipe's mesh, where strokes lie on it.
+    mesh: Option<String>,
 }
 
 #[derive(Clone)]
@@ -124,7 +136,10 @@ impl Recipe {
         Ok(Prepared {
             surface,
             layers: shown
-                .map(|(i, layer)| prepare_layer((i, layer), before, &surface, files, progress))
+                .map(|(i, layer)| {
+                    let mesh = self.mesh.as_deref();
+                    prepare_layer((i, layer), (before, mesh), &surface, files, progress)
+                })
                 .collect::<Result<_>>()?,
             adjust: (adjust != super::Adjust::default()).then(|| Turned {
                 alpha_x: adjust.alpha_x,
@@ -171,9 +186,39 @@ fn feather_texels(mask: &Mask, surface: &Surface) -> Vec2 {
     Vec2::splat(mask.feather.unwrap_or(0.0)) / surface.texel()
 }
 
+/// The mesh that a layer's strokes lie on, where any does.
+fn skin(
+    i: usize,
+    strokes: &Strokes,
+    mesh: Option<&str>,
+    surface: &Surface,
+    files: &Files,
+) -> Result<Option<Arc<Skin>>> {
+    if !strokes.need_mesh() {
+        return Ok(None);
+    }
+    let key = format!("layers.{i}.strokes.mesh");
+    let (key, word) = match (&strokes.mesh, mesh) {
+        (Some(word), _) => (key, word.as_str()),
+        (None, Some(word)) => ("mesh".to_owned(), word),
+        (None, None) => {
+            let allowed = "allowed: a mesh for the strokes that were painted on one";
+            return Err(Error::invalid(key, "missing", allowed)
+                .with_hint("Name it there, or as the recipe's own `mesh`"));
+        }
+    };
+    let mesh = if is_path(word) {
+        mesh::load(&files.resolve(&key, word)?)?
+    } else {
+        let names = mesh::BUILTIN_NAMES;
+        mesh::builtin(word).ok_or_else(|| unknown_word(&key, word, &names))?
+    };
+    Ok(Some(Arc::new(Skin::new(Arc::new(mesh), surface)?)))
+}
+
 fn prepare_layer(
     (at, layer): (usize, &Layer),
-    before: &[PreparedLayer],
+    (before, mesh): (&[PreparedLayer], Option<&str>),
     surface: &Surface,
     files: &Files,
     progress: &Progress<'_>,
@@ -184,21 +229,18 @@ fn prepare_layer(
         ..*surface
     };
     let Blend::Mix = layer.blend;
-    let source = before
-        .iter()
-        .find(|old| (&old.of.0, old.of.2) == (&layer.source, own));
-    let mask = before
-        .iter()
-        .find(|old| (&old.of.1, old.of.2) == (&layer.mask, own));
+    let of = Origin {
+        source: layer.source.clone(),
+        mask: layer.mask.clone(),
+        surface: own,
+        mesh: mesh.filter(|_| layer.needs_mesh()).map(str::to_owned),
+    };
+    let alike = || before.iter().filter(|old| old.of.surface == own);
+    let source = alike().find(|old| old.of.source == of.source && old.of.mesh == of.mesh);
+    let mask = alike().find(|old| old.of.mask == of.mask);
     let (source, mended) = match source {
         Some(old) => (old.source.clone(), old.mended),
-        None => prepare_source(
-            &format!("layers.{at}"),
-            &layer.source,
-            &own,
-            files,
-            progress,
-        )?,
+        None => prepare_source(at, &layer.source, (&own, mesh), files, progress)?,
     };
     let mask = match (mask, &layer.mask) {
         (Some(old), _) => old.mask.clone(),
@@ -214,19 +256,20 @@ fn prepare_layer(
         channels: layer.channels,
         source,
         mask,
-        of: (layer.source.clone(), layer.mask.clone(), own),
+        of,
         mended,
     })
 }
 
-/// The source of the layer that the recipe calls `key`, and what reading its image had to change.
+/// The source of the layer with the number `at`, and what reading its image had to change.
 fn prepare_source(
-    key: &str,
+    at: usize,
     source: &Source,
-    own: &Surface,
+    (own, mesh): (&Surface, Option<&str>),
     files: &Files,
     progress: &Progress<'_>,
 ) -> Result<(PreparedSource, Mended)> {
+    let key = format!("layers.{at}");
     let mut mended = Mended::default();
     let fill: Arc<dyn Fill> = match source {
         Source::Pattern(p) => p.prepare(own)?.into(),
@@ -241,7 +284,8 @@ fn prepare_source(
             Arc::new(guides.prepare(own, progress).map_err(at)?)
         }
         Source::Strokes(strokes) => {
-            let painting = Painting::new(own, strokes, progress)?;
+            let skin = skin(at, strokes, mesh, own, files)?;
+            let painting = Painting::new(own, strokes, skin, progress)?;
             return Ok((PreparedSource::Strokes(Arc::new(painting)), mended));
         }
     };

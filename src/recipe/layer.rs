@@ -265,6 +265,11 @@ impl Layer {
             .unwrap_or_else(|| derived_seed(seed, self.random_name()))
     }
 
+    /// Whether any of it was painted on a mesh.
+    pub fn needs_mesh(&self) -> bool {
+        matches!(&self.source, Source::Strokes(strokes) if strokes.need_mesh())
+    }
+
     /// The name that its randomness follows.
     pub fn random_name(&self) -> &str {
         self.seed_of.as_deref().unwrap_or_else(|| self.name())

@@ -1,0 +1,461 @@
+//! A mesh as strokes see it: for each texel the places of the surface that show it, and which texels lie near a place in space.
+//!
+//! A texel inside a triangle of the layout takes that place (several, where parts of the layout lie on each other); one beside a
+//! chart takes the nearest place of it, up to [`GUTTER`] texels away, so that filtering at a seam finds the same paint on both
+//! sides.
+
+use super::cover::{LANES, Lane, TILE};
+use super::laid::Ground;
+use crate::error::Result;
+use crate::map::Rect;
+use crate::math::Frame;
+use crate::mesh::Mesh;
+use crate::pattern::Surface;
+use glam::{Vec2, Vec3};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// How far paint reaches beyond the edge of a chart, texels.
+const GUTTER: f32 = 4.0;
+/// Tiles whose places are kept.
+const KEPT: usize = 256;
+/// Triangles of a leaf of the tree.
+const LEAF: usize = 8;
+
+/// A mesh prepared to be painted on at one size of map.
+pub struct Skin {
+    mesh: Arc<Mesh>,
+    pub(super) ground: Ground,
+    columns: u32,
+    /// For each tile the triangles that may show in it, with the periods they are moved by.
+    tiles: Vec<Vec<(u32, (i8, i8))>>,
+    tree: Vec<Node>,
+    /// Triangles in the order of the tree's leaves.
+    order: Vec<u32>,
+    scale: f32,
+    kept: Mutex<HashMap<u32, Arc<Vec<Places>>>>,
+}
+
+/// A box of the tree: a leaf holds triangles, any other two boxes, the first of which follows it.
+struct Node {
+    low: Vec3,
+    high: Vec3,
+    /// First triangle of a leaf, or the second box.
+    next: u32,
+    /// Triangles of a leaf; 0 for any other.
+    count: u32,
+}
+
+/// Places of the surface, [`LANES`] side by side.
+#[derive(Clone)]
+pub(super) struct Places {
+    /// Where in the tile; [`NOWHERE`] for the unused.
+    pub(super) texel: [u16; LANES],
+    pub(super) at: [Lane; 3],
+    pub(super) normal: [Lane; 3],
+    pub(super) tangent: [Lane; 3],
+    pub(super) bitangent: [Lane; 3],
+    /// The length of a texel in the mesh's units.
+    pub(super) size: Lane,
+    /// A ball that holds them all.
+    pub(super) center: Vec3,
+    pub(super) radius: f32,
+}
+
+pub(super) const NOWHERE: u16 = u16::MAX;
+
+impl Skin {
+    /// A mesh as a map of this surface lies on it.
+    ///
+    /// # Errors
+    /// Those of [`Mesh::validate`].
+    pub fn new(mesh: Arc<Mesh>, surface: &Surface) -> Result<Self> {
+        mesh.validate()?;
+        let ground = Ground::new(surface);
+        let size = surface.size;
+        let (columns, rows) = (size.width().div_ceil(TILE), size.height().div_ceil(TILE));
+        let mut skin = Self {
+            scale: scale(&mesh, ground.grid.extent),
+            mesh,
+            ground,
+            columns,
+            tiles: vec![Vec::new(); (columns * rows) as usize],
+            tree: Vec::new(),
+            order: Vec::new(),
+            kept: Mutex::default(),
+        };
+        for n in 0..skin.mesh.triangles.len() as u32 {
+            skin.sort_in(n);
+        }
+        skin.grow_tree();
+        Ok(skin)
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Arc<Mesh> {
+        &self.mesh
+    }
+
+    /// How long one surface unit is in the mesh's units, on the whole: a brush of a radius in surface units has this times the
+    /// radius on the mesh.
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// The largest coordinate of the mesh, for [`super::MeshPoints::new`].
+    pub fn extent(&self) -> f32 {
+        let all = self.mesh.positions.iter();
+        all.fold(0.0, |m, p| m.max(p.abs().max_element()))
+    }
+
+    /// The length of a texel in the mesh's units, on the whole.
+    pub(super) fn texel(&self) -> f32 {
+        self.scale * self.ground.grid.texel.max_element()
+    }
+
+    /// The corners of a triangle in the layout, surface units.
+    fn layout(&self, n: u32) -> [Vec2; 3] {
+        let uv = |i: u32| self.mesh.uvs[i as usize] * self.ground.grid.extent;
+        self.mesh.triangles[n as usize].map(uv)
+    }
+
+    fn corners(&self, n: u32) -> [Vec3; 3] {
+        self.mesh.triangles[n as usize].map(|i| self.mesh.positions[i as usize])
+    }
+
+    /// Calls `visit` with the texels that a triangle may show in or beside, and the periods it is moved by.
+    fn rects(&self, n: u32, mut visit: impl FnMut(Rect, (i8, i8))) {
+        let [a, b, c] = self.layout(n);
+        let reach = self.ground.grid.texel * (GUTTER + 0.5);
+        let (low, high) = (a.min(b).min(c) - reach, a.max(b).max(c) + reach);
+        for period in self.ground.periods(low, high) {
+            let shift = self.ground.shift(period);
+            if let Some(rect) = self.ground.grid.cover(low + shift, high + shift) {
+                visit(rect, period);
+            }
+        }
+    }
+
+    fn sort_in(&mut self, n: u32) {
+        let mut found = Vec::new();
+        self.rects(n, |rect, period| found.push((rect, period)));
+        for (rect, period) in found {
+            for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
+                for x in rect.x / TILE..(rect.x + rect.width).div_ceil(TILE) {
+                    self.tiles[(y * self.columns + x) as usize].push((n, period));
+                }
+            }
+        }
+    }
+
+    fn grow_tree(&mut self) {
+        let boxes: Vec<(Vec3, Vec3)> = (0..self.mesh.triangles.len() as u32)
+            .map(|n| {
+                let [a, b, c] = self.corners(n);
+                (a.min(b).min(c), a.max(b).max(c))
+            })
+            .collect();
+        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
+        self.tree.clear();
+        grow(&mut self.tree, &boxes, &mut order, 0);
+        self.order = order;
+    }
+
+    /// Calls `visit` with every triangle whose box meets another.
+    fn near(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(u32)) {
+        let meets = |a: Vec3, b: Vec3| a.cmple(high).all() && b.cmpge(low).all();
+        let mut open = vec![0u32];
+        while let Some(n) = open.pop() {
+            let Some(node) = self.tree.get(n as usize) else {
+                continue;
+            };
+            if !meets(node.low, node.high) {
+                continue;
+            }
+            if node.count == 0 {
+                open.extend([node.next, n + 1]);
+                continue;
+            }
+            for triangle in &self.order[node.next as usize..(node.next + node.count) as usize] {
+                let [a, b, c] = self.corners(*triangle);
+                if meets(a.min(b).min(c), a.max(b).max(c)) {
+                    visit(*triangle);
+                }
+            }
+        }
+    }
+
+    /// The texels that may show anything in a box of space: for each tile one rectangle, in the order of tiles.
+    pub(super) fn touched(&self, low: Vec3, high: Vec3) -> Vec<(u32, Rect)> {
+        let mut found: HashMap<u32, Rect> = HashMap::new();
+        self.near(low, high, |n| {
+            self.rects(n, |rect, _| {
+                for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
+                    for x in rect.x / TILE..(rect.x + rect.width).div_ceil(TILE) {
+                        let tile = Rect {
+                            x: x * TILE,
+                            y: y * TILE,
+                            width: TILE,
+                            height: TILE,
+                        };
+                        if let Some(part) = tile.intersection(rect) {
+                            let all = found.entry(y * self.columns + x).or_insert(part);
+                            *all = super::painting::hull(*all, part);
+                        }
+                    }
+                }
+            });
+        });
+        let mut found: Vec<(u32, Rect)> = found.into_iter().collect();
+        found.sort_unstable_by_key(|(tile, _)| *tile);
+        found
+    }
+
+    /// The places of the tile in a column and row.
+    pub(super) fn places(&self, (x, y): (u32, u32)) -> Arc<Vec<Places>> {
+        let tile = y * self.columns + x;
+        let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(places) = kept().get(&tile) {
+            return Arc::clone(places);
+        }
+        let places = Arc::new(self.find_places(tile));
+        let mut kept = kept();
+        if kept.len() >= KEPT {
+            kept.clear();
+        }
+        kept.insert(tile, Arc::clone(&places));
+        places
+    }
+
+    fn find_places(&self, tile: u32) -> Vec<Places> {
+        let (x, y) = (tile % self.columns * TILE, tile / self.columns * TILE);
+        let triangles: Vec<Laid> = self.tiles[tile as usize]
+            .iter()
+            .filter_map(|(n, period)| self.laid(*n, *period, (x, y)))
+            .collect();
+        let mut gather = Gather::default();
+        let side = TILE as usize;
+        let mut inside = vec![false; side * side];
+        for laid in &triangles {
+            laid.each_texel(0.0, |i, p| {
+                let at = laid.weights(p);
+                if at.iter().all(|w| *w >= -1e-5) {
+                    inside[i] = true;
+                    gather.add(self, laid, i, at);
+                }
+            });
+        }
+        if inside.iter().all(|i| *i) {
+            return gather.done();
+        }
+        let mut nearest: Vec<(f32, usize, [f32; 3])> =
+            vec![(GUTTER * GUTTER, usize::MAX, [0.0; 3]); side * side];
+        for (n, laid) in triangles.iter().enumerate() {
+            laid.each_texel(GUTTER, |i, p| {
+                if !inside[i] {
+                    let (square, at) = laid.nearest(p);
+                    if square < nearest[i].0 {
+                        nearest[i] = (square, n, at);
+                    }
+                }
+            });
+        }
+        for (i, (_, n, at)) in nearest.into_iter().enumerate() {
+            if let Some(laid) = triangles.get(n) {
+                gather.add(self, laid, i, at);
+            }
+        }
+        gather.done()
+    }
+
+    /// A triangle in the texels of a tile; `None` where its layout spans no area.
+    fn laid(&self, n: u32, period: (i8, i8), (x, y): (u32, u32)) -> Option<Laid> {
+        let grid = &self.ground.grid;
+        let shift = self.ground.shift(period);
+        let corners = self.layout(n).map(|p| {
+            let p = p + shift;
+            Vec2::new(
+                p.x / grid.texel.x - 0.5 - x as f32,
+                (grid.extent.y - p.y) / grid.texel.y - 0.5 - y as f32,
+            )
+        });
+        let [a, b, c] = corners;
+        let area = (b - a).perp_dot(c - a);
+        let [p, q, r] = self.corners(n);
+        let surface = (q - p).cross(r - p).length();
+        (area.abs() > 1e-9).then(|| Laid {
+            triangle: n,
+            corners,
+            inverse: 1.0 / area,
+            size: (surface / area.abs())
+                .sqrt()
+                .clamp(0.25 * self.texel(), 4.0 * self.texel()),
+        })
+    }
+}
+
+/// How long one surface unit is on the mesh: the root of all its area over that of its layout.
+fn scale(mesh: &Mesh, extent: Vec2) -> f32 {
+    let (mut space, mut layout) = (0.0f64, 0.0f64);
+    for t in &mesh.triangles {
+        let [p, q, r] = t.map(|i| mesh.positions[i as usize]);
+        let [a, b, c] = t.map(|i| mesh.uvs[i as usize] * extent);
+        space += f64::from((q - p).cross(r - p).length());
+        layout += f64::from((b - a).perp_dot(c - a).abs());
+    }
+    let scale = (space / layout).sqrt() as f32;
+    if scale.is_normal() { scale } else { 1.0 }
+}
+
+/// Adds the tree of some triangles, at most 64 boxes deep.
+fn grow(tree: &mut Vec<Node>, boxes: &[(Vec3, Vec3)], order: &mut [u32], first: u32) {
+    let bounds = |n: &[u32]| {
+        n.iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), n| {
+                let (a, b) = boxes[*n as usize];
+                (low.min(a), high.max(b))
+            })
+    };
+    let (low, high) = bounds(order);
+    let at = tree.len();
+    tree.push(Node {
+        low,
+        high,
+        next: first,
+        count: order.len() as u32,
+    });
+    if order.len() <= LEAF {
+        return;
+    }
+    let sides = (high - low).to_array();
+    let axis = (0..3).fold(0, |m, k| if sides[k] > sides[m] { k } else { m });
+    let middle = |n: &u32| {
+        let (a, b) = boxes[*n as usize];
+        a[axis] + b[axis]
+    };
+    let half = order.len() / 2;
+    // Equal places are told apart by number: the same tree on every machine.
+    order.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)).then(a.cmp(b)));
+    let (left, right) = order.split_at_mut(half);
+    grow(tree, boxes, left, first);
+    tree[at].next = tree.len() as u32;
+    tree[at].count = 0;
+    grow(tree, boxes, right, first + half as u32);
+}
+
+/// A triangle of the layout in the texels of a tile, whose centres have whole coordinates.
+struct Laid {
+    triangle: u32,
+    corners: [Vec2; 3],
+    inverse: f32,
+    size: f32,
+}
+
+impl Laid {
+    /// Calls `visit` with the texels of the tile within a distance of its box: the place in the tile, and where that is.
+    fn each_texel(&self, reach: f32, mut visit: impl FnMut(usize, Vec2)) {
+        let [a, b, c] = self.corners;
+        let most = TILE as f32 - 1.0;
+        let low = (a.min(b).min(c) - reach).ceil().max(Vec2::ZERO);
+        let high = (a.max(b).max(c) + reach).floor().min(Vec2::splat(most));
+        if low.x > high.x || low.y > high.y {
+            return;
+        }
+        for y in low.y as usize..=high.y as usize {
+            for x in low.x as usize..=high.x as usize {
+                visit(y * TILE as usize + x, Vec2::new(x as f32, y as f32));
+            }
+        }
+    }
+
+    /// The weights of the corners at a place.
+    fn weights(&self, p: Vec2) -> [f32; 3] {
+        let [a, b, c] = self.corners;
+        let v = (p - a).perp_dot(c - a) * self.inverse;
+        let w = (b - a).perp_dot(p - a) * self.inverse;
+        [1.0 - v - w, v, w]
+    }
+
+    /// The nearest place of its edges: the square of the distance, and the weights there.
+    fn nearest(&self, p: Vec2) -> (f32, [f32; 3]) {
+        let mut best = (f32::INFINITY, [1.0, 0.0, 0.0]);
+        for k in 0..3 {
+            let (a, b) = (self.corners[k], self.corners[(k + 1) % 3]);
+            let side = b - a;
+            let t =
+                ((p - a).dot(side) / side.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let square = (a + side * t).distance_squared(p);
+            if square < best.0 {
+                let mut at = [0.0; 3];
+                (at[k], at[(k + 1) % 3]) = (1.0 - t, t);
+                best = (square, at);
+            }
+        }
+        best
+    }
+}
+
+/// Collects places lane by lane.
+#[derive(Default)]
+struct Gather {
+    full: Vec<Places>,
+    used: usize,
+}
+
+impl Gather {
+    fn add(&mut self, skin: &Skin, laid: &Laid, texel: usize, at: [f32; 3]) {
+        let mesh = &skin.mesh;
+        let corners = mesh.triangles[laid.triangle as usize].map(|i| i as usize);
+        let mix = |values: [Vec3; 3]| values[0] * at[0] + values[1] * at[1] + values[2] * at[2];
+        let place = mix(corners.map(|i| mesh.positions[i]));
+        let normal = mix(corners.map(|i| mesh.normals[i]));
+        let tangent = mix(corners.map(|i| mesh.tangents[i].truncate()));
+        let sign = mesh.tangents[corners[0]].w;
+        let Some((frame, _)) = Frame::new(normal, tangent.extend(sign)) else {
+            return;
+        };
+        if self.used % LANES == 0 {
+            self.full.push(Places {
+                texel: [NOWHERE; LANES],
+                at: [[0.0; LANES]; 3],
+                normal: [[0.0; LANES]; 3],
+                tangent: [[0.0; LANES]; 3],
+                bitangent: [[0.0; LANES]; 3],
+                size: [1.0; LANES],
+                center: Vec3::ZERO,
+                radius: 0.0,
+            });
+        }
+        let lane = self.used % LANES;
+        let last = self.full.last_mut().expect("pushed when none was left");
+        last.texel[lane] = texel as u16;
+        let set = |to: &mut [Lane; 3], from: Vec3| {
+            for (k, to) in to.iter_mut().enumerate() {
+                to[lane] = from[k];
+            }
+        };
+        set(&mut last.at, place);
+        set(&mut last.normal, frame.normal);
+        set(&mut last.tangent, frame.tangent);
+        set(&mut last.bitangent, frame.bitangent);
+        last.size[lane] = laid.size;
+        self.used += 1;
+    }
+
+    fn done(mut self) -> Vec<Places> {
+        for places in &mut self.full {
+            let all: Vec<Vec3> = (0..LANES)
+                .filter(|i| places.texel[*i] != NOWHERE)
+                .map(|i| Vec3::new(places.at[0][i], places.at[1][i], places.at[2][i]))
+                .collect();
+            let low = all.iter().fold(Vec3::INFINITY, |m, p| m.min(*p));
+            let high = all.iter().fold(Vec3::NEG_INFINITY, |m, p| m.max(*p));
+            places.center = 0.5 * (low + high);
+            places.radius = all
+                .iter()
+                .fold(0.0, |r: f32, p| r.max(p.distance(places.center)))
+                * 1.0001;
+        }
+        self.full
+    }
+}
