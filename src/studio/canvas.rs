@@ -7,7 +7,7 @@
 
 use crate::error::Result;
 use crate::map::{DEFAULT_TEXEL, Rect, Region};
-use crate::paint::{Brush, Live, Painting, Point, Stroke, Strokes};
+use crate::paint::{Brush, Live, Painting, Skin, Stroke, Strokes};
 use crate::pattern::Surface;
 use crate::progress::Progress;
 use crate::recipe;
@@ -39,6 +39,8 @@ struct Active {
     /// The layer's number in the recipe.
     at: usize,
     surface: Surface,
+    /// The mesh, once strokes lie on it.
+    skin: Option<Arc<Skin>>,
     painting: Painting,
     /// What lies below the layer.
     below: HashMap<u32, Arc<Region>>,
@@ -70,12 +72,13 @@ impl Canvas {
         self.active.as_ref().map(|a| a.at)
     }
 
-    /// Makes the layer `at`, which holds `strokes`, the one that is painted on, in a stack that is up to date. Tiles as they were
-    /// before strokes may hold `budget` bytes.
+    /// Makes the layer `at`, which holds `strokes`, the one that is painted on, in a stack that is up to date; on a mesh, when
+    /// there is a skin. Tiles as they were before strokes may hold `budget` bytes.
     pub(super) fn activate(
         &mut self,
         stack: recipe::Prepared,
         (at, strokes): (usize, &Strokes),
+        skin: Option<Arc<Skin>>,
         budget: usize,
     ) -> Result<()> {
         self.stack = stack;
@@ -84,7 +87,8 @@ impl Canvas {
         self.active = Some(Active {
             at,
             surface,
-            painting: Painting::new(&surface, strokes, &Progress::none())?,
+            painting: Painting::new(&surface, strokes, skin.clone(), &Progress::none())?,
+            skin,
             below: HashMap::new(),
             tiles: HashMap::new(),
             before: VecDeque::new(),
@@ -176,27 +180,40 @@ impl Canvas {
         bounds
     }
 
-    /// Begins a stroke in flight.
+    /// The mesh that is painted on.
+    pub(super) fn skin(&self) -> Option<&Arc<Skin>> {
+        self.active.as_ref()?.skin.as_ref()
+    }
+
+    /// Begins a stroke in flight: on the mesh where there is a `skin`, or else in UV.
     ///
     /// # Errors
     /// When the brush does not check.
-    pub(super) fn begin(&mut self, brush: Arc<Brush>, seed: u32) -> Result<()> {
+    pub(super) fn begin(
+        &mut self,
+        brush: Arc<Brush>,
+        seed: u32,
+        skin: Option<Arc<Skin>>,
+    ) -> Result<()> {
         if let Some(active) = &mut self.active {
-            let live = Live::new(brush, seed, &active.surface)?;
+            let live = match skin {
+                Some(skin) => Live::on_mesh(brush, seed, skin)?,
+                None => Live::new(brush, seed, &active.surface)?,
+            };
             active.live = Some((live, HashMap::new()));
         }
         Ok(())
     }
 
-    /// Lets the stroke in flight go on to a point; gives the rectangles outside which nothing changed.
-    pub(super) fn go_on(&mut self, point: Point) -> Vec<Rect> {
+    /// Lets the stroke in flight go on; gives the rectangles outside which nothing changed.
+    pub(super) fn go_on(&mut self, push: impl FnOnce(&mut Live) -> Vec<Rect>) -> Vec<Rect> {
         let Some(active) = &mut self.active else {
             return Vec::new();
         };
         let Some((mut live, mut tiles)) = active.live.take() else {
             return Vec::new();
         };
-        let dirty = live.push(point);
+        let dirty = push(&mut live);
         for rect in &dirty {
             active.ensure(&self.stack, live.needs(*rect), active.painting.len());
             let old: Vec<_> = numbers(active, *rect)

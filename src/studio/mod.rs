@@ -12,6 +12,7 @@ mod edit;
 mod history;
 mod journal;
 mod layers;
+mod pick;
 pub mod view;
 mod viewport;
 
@@ -20,19 +21,20 @@ pub use edit::{Edit, Header, LayerHead, Touched};
 pub use history::{History, Step};
 pub use journal::{Base, Journal, LeftBehind, left_behind};
 pub use layers::free_name;
+pub use pick::{Hit, pick};
 pub use viewport::{Quality, Show, Viewport};
 
 use crate::error::{Error, Result};
 use crate::filter::Pyramid;
 use crate::map::{AnisoMap, DEFAULT_TEXEL, Rect, Size, Wrap};
 use crate::mesh::{self, Mesh};
-use crate::paint::{Brush, Point};
+use crate::paint::{Brush, Point, Skin};
 use crate::preview::{Prepared, Scene, Timings};
 use crate::progress::Progress;
 use crate::raster::Geometry;
 use crate::recipe::{self, Recipe, RecipeFile, Source};
 use canvas::Canvas;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -43,6 +45,9 @@ use std::time::Duration;
 
 /// The mesh of a recipe that names none.
 pub const DEFAULT_MESH: &str = "torus";
+
+/// Pixels between the points of a stroke over the 3D picture.
+const PIXELS_A_POINT: f32 = 4.0;
 
 /// What a studio needs from its surroundings.
 #[derive(Clone, Debug)]
@@ -596,21 +601,72 @@ impl Studio {
         }
     }
 
-    /// Begins a stroke on the selected layer, which must hold strokes.
+    /// Begins a stroke in UV on the selected layer, which must hold strokes.
     ///
     /// # Errors
     /// When the layer holds no strokes or is not shown, the brush does not check, or the document is read-only.
     pub fn begin_stroke(&mut self, brush: Arc<Brush>, seed: u32) -> Result<()> {
         self.cancel_stroke();
         brush.check()?;
-        self.activate()?;
-        self.canvas.begin(brush, seed)
+        self.activate(false)?;
+        self.canvas.begin(brush, seed, None)
+    }
+
+    /// Begins a stroke on the mesh. The brush's lengths are in surface units, as those of a stroke in UV; the stroke keeps them in
+    /// the mesh's.
+    ///
+    /// # Errors
+    /// As [`Studio::begin_stroke`], when the mesh cannot be painted on, or the layer's strokes lie on another one.
+    pub fn begin_mesh_stroke(&mut self, brush: &Brush, seed: u32) -> Result<()> {
+        self.cancel_stroke();
+        brush.check()?;
+        if self.recipe().mesh.is_none() {
+            // Strokes on a mesh mean nothing without its name.
+            let header = Header {
+                mesh: Some(DEFAULT_MESH.to_owned()),
+                ..Header::of(self.recipe())
+            };
+            self.set_header("Mesh", header)?;
+        }
+        self.activate(true)?;
+        let skin = self.canvas.skin().cloned();
+        let scale = skin.as_ref().map_or(1.0, |s| s.scale());
+        self.canvas.begin(Arc::new(brush.scaled(scale)), seed, skin)
     }
 
     /// Lets the stroke in flight go on to a point of UV.
     pub fn stroke_to(&mut self, point: Point) {
-        let dirty = self.canvas.go_on(point);
+        let dirty = self.canvas.go_on(|live| live.push(point));
         self.repaint(dirty);
+    }
+
+    /// Lets the stroke in flight go on to a place of the mesh: its position, the surface's normal, the pen's pressure from 0
+    /// to 1. See [`Studio::pick`].
+    pub fn mesh_stroke_to(&mut self, position: Vec3, normal: Vec3, pressure: f32) {
+        let dirty = self
+            .canvas
+            .go_on(|live| live.push_on_mesh(position, normal, pressure));
+        self.repaint(dirty);
+    }
+
+    /// What is seen at a place of the 3D picture, in pixels from its upper left corner; `None` past the mesh.
+    pub fn pick(&self, place: Vec2) -> Option<Hit> {
+        let (place, size) = self.viewport.in_panel(place);
+        // The camera drew a picture: its numbers are allowed.
+        pick(self.subject.mesh(), &self.scene.camera, size, place).ok()?
+    }
+
+    /// Lets the stroke in flight on the mesh go along a straight line over the 3D picture, from where the pen was to where it
+    /// is, each (pixels from the upper left corner, pressure). Where the line leaves the mesh nothing is painted.
+    pub fn mesh_stroke_along(&mut self, from: (Vec2, f32), to: (Vec2, f32)) {
+        let steps = (from.0.distance(to.0) / PIXELS_A_POINT).ceil().max(1.0) as u32;
+        for n in 1..=steps {
+            let t = n as f32 / steps as f32;
+            if let Some(hit) = self.pick(from.0.lerp(to.0, t)) {
+                let pressure = from.1 + (to.1 - from.1) * t;
+                self.mesh_stroke_to(hit.position, hit.normal, pressure);
+            }
+        }
     }
 
     /// Ends the stroke in flight: it is a step of the history now. `false` when it painted nothing, as a groove without a
@@ -651,7 +707,7 @@ impl Studio {
 
     /// How much of each texel of the map the selected layer's strokes have touched, 0 to 1; `None` for a layer without strokes.
     pub fn coverage(&mut self) -> Option<Vec<f32>> {
-        self.activate().ok()?;
+        self.activate(false).ok()?;
         let whole = self.map().size().rect();
         self.canvas.coverage(whole)
     }
@@ -663,35 +719,41 @@ impl Studio {
         texels * (16 + 16 + 8) + self.canvas.bytes() + self.history.bytes()
     }
 
-    /// Makes the selected layer the one that is painted on.
-    fn activate(&mut self) -> Result<()> {
+    /// Makes the selected layer the one that is painted on, on the mesh when that is wanted.
+    fn activate(&mut self, on_mesh: bool) -> Result<()> {
         let at = self.selected;
-        if self.canvas.active() == Some(at) {
+        if self.canvas.active() == Some(at) && (!on_mesh || self.canvas.skin().is_some()) {
             return Ok(());
         }
         let recipe = self.shown_recipe().into_owned();
-        let Some(Source::Strokes(strokes)) = recipe.layers.get(at).map(|l| &l.source) else {
-            let value = recipe.layers.get(at).map_or("no layer", |l| l.name());
-            let allowed = "allowed: a layer of strokes";
-            return Err(
-                Error::invalid("the layer to paint on", format!("`{value}`"), allowed)
-                    .with_hint("Add a paint layer"),
-            );
+        let layer = recipe.layers.get(at);
+        let Some(Source::Strokes(strokes)) = layer.map(|l| &l.source) else {
+            let value = layer.map_or("no layer", |l| l.name());
+            return Err(not_to_paint_on(value, "a layer of strokes", "Add a paint layer"));
         };
-        if !recipe.layers[at].visible {
+        if !layer.is_some_and(|l| l.visible && l.opacity > 0.0) {
             let name = recipe.layers[at].name();
-            let allowed = "allowed: a layer that is shown";
-            return Err(
-                Error::invalid("the layer to paint on", format!("`{name}`"), allowed)
-                    .with_hint("Show it first"),
-            );
+            return Err(not_to_paint_on(name, "a layer that is shown", "Show it first"));
         }
         // While the map of another recipe is being worked out the canvas is of the size that is shown.
         let size = self.canvas.stack().size();
         let files = self.document.files();
-        let stack = recipe.prepare_after(self.canvas.stack(), size, &files, &Progress::none())?;
-        self.canvas
-            .activate(stack, (at, strokes), self.options.undo_bytes)
+        let none = Progress::none();
+        let stack = recipe.prepare_after(self.canvas.stack(), size, &files, &none)?;
+        let skin = if on_mesh || strokes.need_mesh() {
+            let shown = self.mesh_name();
+            let own = strokes.mesh.as_deref().unwrap_or(shown);
+            if own != shown {
+                let allowed = format!("a layer of strokes that lie on {shown}, not on {own}");
+                return Err(not_to_paint_on(layer.map_or("", |l| l.name()), &allowed, "Add a paint layer"));
+            }
+            let mesh = Arc::new(self.subject.mesh().clone());
+            Some(Arc::new(Skin::new(mesh, &stack.surface())?))
+        } else {
+            None
+        };
+        let budget = self.options.undo_bytes;
+        self.canvas.activate(stack, (at, strokes), skin, budget)
     }
 
     /// The strokes of a layer are one more or less than the canvas shows.
@@ -743,6 +805,12 @@ impl Studio {
             journal.end();
         }
     }
+}
+
+/// Why nothing can be painted.
+fn not_to_paint_on(layer: &str, allowed: &str, hint: &str) -> Error {
+    let (layer, allowed) = (format!("`{layer}`"), format!("allowed: {allowed}"));
+    Error::invalid("the layer to paint on", layer, allowed).with_hint(hint)
 }
 
 /// The map of a recipe, with what is kept of the stack before where layers are the same.

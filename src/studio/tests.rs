@@ -5,7 +5,6 @@ use crate::map::Region;
 use crate::paint::{Groove, Smooth, Tool};
 use crate::pattern::Pattern;
 use crate::recipe::{LAYERS_MAX, Layer, Mask, MaskSource};
-use glam::Vec2;
 
 const RECIPE: &str = "version = 1\nname = 'painted'\nsize = [320, 200]\naspect = 1.6\nseed = 5\n\
     [[layers]] # the base\nname = 'steel'\n[layers.brushed]\nangle = 20\n\
@@ -109,6 +108,31 @@ fn undo_and_redo_are_exact_with_and_without_kept_tiles() {
         assert!(!studio.redo().unwrap());
         assert_shows_its_recipe(&studio);
     }
+}
+
+#[test]
+fn strokes_on_the_mesh_are_in_the_recipe_and_name_their_mesh() {
+    let mut studio = painted();
+    studio.viewport_mut().resize(Size::new(128, 128).unwrap());
+    studio.draw(false).unwrap();
+    let groove = Brush {
+        tool: Tool::Groove(Groove::default()),
+        radius: 0.08,
+        ..Brush::default()
+    };
+    let before = studio.map().clone();
+    studio.begin_mesh_stroke(&groove, 3).unwrap();
+    assert_eq!(studio.recipe().mesh.as_deref(), Some(DEFAULT_MESH));
+    studio.mesh_stroke_along((Vec2::new(20.0, 30.0), 1.0), (Vec2::new(110.0, 40.0), 0.5));
+    assert!(studio.end_stroke().unwrap());
+    assert!(*studio.map() != before);
+    assert_shows_its_recipe(&studio);
+    assert!(studio.undo().unwrap());
+    assert!(*studio.map() == before);
+    studio.redo().unwrap();
+    assert_shows_its_recipe(&studio);
+    studio.settle();
+    assert_shows_its_recipe(&studio);
 }
 
 #[test]

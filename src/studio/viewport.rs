@@ -12,6 +12,7 @@ use crate::preview::{
     Subject, Timings, render_reference,
 };
 use crate::progress::Progress;
+use glam::Vec2;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -159,6 +160,18 @@ impl Viewport {
     /// The picture: 8-bit sRGB, three bytes a pixel, top row first.
     pub fn pixels(&self) -> &[u8] {
         &self.pixels
+    }
+
+    /// A place of the picture as a place of the look's picture that lies there, and the size of that.
+    pub(super) fn in_panel(&self, place: Vec2) -> (Vec2, Size) {
+        let panel = self.show.panel(self.size);
+        let width = panel.width() as f32;
+        let left = if matches!(self.show, Show::Pair(..)) && place.x >= width {
+            width
+        } else {
+            0.0
+        };
+        (place - Vec2::new(left, 0.0), panel)
     }
 
     /// In a difference picture, the difference that the last colour of the scale stands for.

@@ -1,0 +1,120 @@
+//! What a pen over the 3D picture points at.
+
+use crate::error::Result;
+use crate::map::Size;
+use crate::mesh::Mesh;
+use crate::raster::{Camera, View};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Lines of sight along a pixel's side: a pen points finer than pixels.
+const FINER: u32 = 4;
+
+/// Where a line of sight meets a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The place.
+    pub position: Vec3,
+    /// The surface's unit normal there, on the side that is seen.
+    pub normal: Vec3,
+    /// Texture coordinates, v up.
+    pub uv: Vec2,
+    /// How long a pixel is there, in the mesh's units.
+    pub pixel: f32,
+}
+
+/// The nearest place of a mesh that is seen at `place`, in pixels from the upper left corner of a picture of `size`; from
+/// whichever side. `None` past the mesh.
+///
+/// # Errors
+/// When the camera's numbers are not allowed.
+pub fn pick(mesh: &Mesh, camera: &Camera, size: Size, place: Vec2) -> Result<Option<Hit>> {
+    let fine = Size::new(
+        size.width().saturating_mul(FINER),
+        size.height().saturating_mul(FINER),
+    )?;
+    let view = View::new(camera, fine)?;
+    let sample = |x: f32, most: u32| ((x * FINER as f32).max(0.0) as u32).min(most);
+    let (column, row) = (
+        sample(place.x, fine.width() - 1),
+        sample(place.y, fine.height() - 1),
+    );
+    let ray = view.ray(column, row);
+    let nearest = mesh
+        .triangles
+        .par_iter()
+        .with_min_len(8192)
+        .filter_map(|triangle| Some((meet(mesh, *triangle, ray)?, *triangle)))
+        .min_by(|(a, s), (b, t)| a.distance.total_cmp(&b.distance).then(s.cmp(t)));
+    let Some((met, triangle)) = nearest else {
+        return Ok(None);
+    };
+    let [i, j, k] = triangle.map(|i| i as usize);
+    let [a, b, c] = met.weights;
+    let normal = mesh.normals[i] * a + mesh.normals[j] * b + mesh.normals[k] * c;
+    let normal = normal.normalize_or(-ray.1);
+    let position = ray.0 + ray.1 * met.distance;
+    let beside = view.ray(column + 1, row);
+    let step = position.distance(beside.0 + beside.1 * met.distance);
+    Ok(Some(Hit {
+        position,
+        normal: if normal.dot(ray.1) > 0.0 {
+            -normal
+        } else {
+            normal
+        },
+        uv: mesh.uvs[i] * a + mesh.uvs[j] * b + mesh.uvs[k] * c,
+        pixel: step * FINER as f32,
+    }))
+}
+
+struct Met {
+    distance: f32,
+    weights: [f32; 3],
+}
+
+/// Where a ray meets a triangle before the eye (Möller and Trumbore 1997).
+fn meet(mesh: &Mesh, triangle: [u32; 3], (origin, direction): (Vec3, Vec3)) -> Option<Met> {
+    let [a, b, c] = triangle.map(|i| mesh.positions[i as usize].as_dvec3());
+    let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
+    let (ab, ac) = (b - a, c - a);
+    let p = direction.cross(ac);
+    let determinant = ab.dot(p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let s = (origin - a) / determinant;
+    let u = s.dot(p);
+    let q = s.cross(ab);
+    let (v, distance) = (direction.dot(q), ac.dot(q));
+    let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && distance > 0.0;
+    inside.then_some(Met {
+        distance: distance as f32,
+        weights: [1.0 - u - v, u, v].map(|w| w as f32),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh;
+    use crate::preview::Scene;
+
+    #[test]
+    fn the_nearest_side_is_met_where_the_eye_sees_it() {
+        let sphere = mesh::builtin("sphere").unwrap();
+        let camera = Scene::for_mesh(&sphere).camera;
+        let size = Size::new(200, 100).unwrap();
+        let hit = pick(&sphere, &camera, size, Vec2::new(100.0, 50.0));
+        let hit = hit.unwrap().unwrap();
+        let toward = (camera.eye - hit.position).normalize();
+        assert!(hit.normal.dot(toward) > 0.99, "{hit:?}");
+        assert!(hit.position.distance(camera.eye) < camera.target.distance(camera.eye));
+        // A hundred pixels hold the sphere, whose radius is 1.1 times less than half of them.
+        assert!((0.5..2.0).contains(&(hit.pixel * 45.0)), "{}", hit.pixel);
+        let past = pick(&sphere, &camera, size, Vec2::new(1.0, 1.0)).unwrap();
+        assert_eq!(past, None);
+        let outside = pick(&sphere, &camera, size, Vec2::new(-50.0, 1e9)).unwrap();
+        assert_eq!(outside, None);
+    }
+}
