@@ -19,7 +19,7 @@ fn at(u: f32, v: f32, shape: Shape) -> Guide {
     }
 }
 
-/// A guide of every shape.
+/// A guide of every shape, a line and a curve of either kind.
 fn mixed(grid: u32) -> Guides {
     let circle = at(0.3, 0.3, Shape::Ellipse { radii: [0.15; 2] });
     let spiral = at(
@@ -63,9 +63,27 @@ fn mixed(grid: u32) -> Guides {
             closed: false,
         })
     };
+    let leaf = Guide {
+        rotation: 30.0,
+        ..at(
+            0.2,
+            0.75,
+            Shape::Curve {
+                points: vec![
+                    [0.15, 0.0],
+                    [0.1, 0.1],
+                    [-0.1, 0.1],
+                    [-0.15, 0.0],
+                    [-0.1, -0.1],
+                    [0.1, -0.1],
+                ],
+                closed: true,
+            },
+        )
+    };
     Guides {
         grid,
-        guide: vec![circle, spiral, frame, curve, line],
+        guide: vec![circle, spiral, frame, curve, line, leaf],
         ..Guides::default()
     }
 }

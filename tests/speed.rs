@@ -39,6 +39,24 @@ fn levels_and_threads_change_no_byte_of_a_picture() {
 }
 
 #[test]
+fn levels_and_threads_change_no_byte_of_a_field_between_guides() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let generate = |variable: (&str, &str)| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_anisomap"));
+        command.env(variable.0, variable.1).arg("generate");
+        command.args(["flower_medallion", "--size", "150", "--formats", "exr"]);
+        command.args(["--set", "layers.engraving.guides.grid=99", "-o"]);
+        command.arg(folder.path()).assert().success();
+        std::fs::read(folder.path().join("flower_medallion.exr")).expect("a map")
+    };
+    let want = generate(("RAYON_NUM_THREADS", "1"));
+    assert!(generate(("RAYON_NUM_THREADS", "3")) == want);
+    for (name, _) in anisomap::math::levels() {
+        assert!(generate(("ANISOMAP_SIMD", name)) == want, "{name}");
+    }
+}
+
+#[test]
 fn preview_tells_where_the_time_went() {
     let folder = tempfile::tempdir().expect("a folder");
     let stages = [

@@ -535,8 +535,8 @@ fn profile(distance: f32, steepness: f32) -> f32 {
 
 /// Adds an image of an ellipse or spiral to a guide's sums.
 ///
-/// Of the ellipse's gauge g = |(x/a, y/b)| the gradient is (x/a², y/b²)/g; the distance outside is g (g - 1) over the length
-/// of (x/a², y/b²), exact for a circle and to first order for an ellipse.
+/// Of the ellipse's gauge g = |(x/a, y/b)| the gradient is (x/a², y/b²)/g; the distance outside is taken as g (g - 1) over the
+/// length of (x/a², y/b²), exact for a circle and to first order for an ellipse, but not less than that from the box around it.
 #[simd]
 fn oval<S: Simd>(_: S, image: &Oval, placed: &Placed, y: f32, xs: &[f32], out: Part<'_>) {
     let n = xs.len();
@@ -547,7 +547,8 @@ fn oval<S: Simd>(_: S, image: &Oval, placed: &Placed, y: f32, xs: &[f32], out: P
         x_axis,
         lead,
     } = image.frame;
-    let (rx, ry) = (1.0 / image.radii.x, 1.0 / image.radii.y);
+    let (a, b) = (image.radii.x, image.radii.y);
+    let (rx, ry) = (1.0 / a, 1.0 / b);
     let dy = y - center.y;
     for i in 0..n {
         let dx = xs[i] - center.x;
@@ -557,7 +558,10 @@ fn oval<S: Simd>(_: S, image: &Oval, placed: &Placed, y: f32, xs: &[f32], out: P
         let (nx, ny) = (gx * rx, gy * ry);
         // The middle itself has no direction.
         let square = (nx * nx + ny * ny).max(1e-30);
-        let c = placed.strength * profile(g * (g - 1.0) / square.sqrt(), placed.steepness);
+        let near = g * (g - 1.0) / square.sqrt();
+        let (bx, by) = ((px.abs() - a).max(0.0), (py.abs() - b).max(0.0));
+        let distance = near.max((bx * bx + by * by).sqrt());
+        let c = placed.strength * profile(distance, placed.steepness);
         let (tc, ts) = ((ny * ny - nx * nx) / square, -2.0 * nx * ny / square);
         // A spiral leans from the tangent toward the radius, clockwise, by atan(step / circumference).
         let r = (px * px + py * py).sqrt();

@@ -107,7 +107,7 @@ impl Guides {
         check(
             &Guides {
                 guide: Vec::new(),
-                ..self.clone()
+                ..*self
             },
             Self::PARAMETERS,
         )?;

@@ -7,6 +7,7 @@ use crate::math::Axis;
 use crate::pattern::{Fill, Patch, Surface};
 use crate::progress::Progress;
 use glam::Vec2;
+use proptest::prelude::*;
 
 fn surface(width: u32, height: u32, wrap: Wrap) -> Surface {
     Surface {
@@ -186,6 +187,7 @@ fn inside_a_circle_the_field_is_the_tangent_with_one_point_of_index_one() {
         (301, 301, 512),
         (257, 391, 128),
         (600, 400, 301),
+        (900, 700, 1024),
     ] {
         let surface = surface(width, height, Wrap::Clamp);
         for (u, v) in [
@@ -806,6 +808,62 @@ fn a_cancelled_solve_is_an_error_and_the_solver_still_serves() {
         |_, _| true,
     );
     assert!(mean < 0.01, "{mean}");
+}
+
+/// A guide of any shape and size that fits a square.
+fn any_guide() -> impl Strategy<Value = Guide> {
+    let shape = (0usize..7, 0.01f32..0.5, 0.003f32..0.5).prop_map(|(kind, a, b)| match kind {
+        0 | 1 => Shape::Ellipse { radii: [a, b] },
+        2 => Shape::Rectangle {
+            size: [a, b],
+            corner: 0.2 * a,
+        },
+        3 => Shape::Spiral {
+            radius: a,
+            pitch: b - 0.2,
+        },
+        _ => {
+            let points = vec![[-a, 0.0], [0.0, b], [a, 0.0], [b, -a], [0.0, -b], [-a, -a]];
+            let closed = kind != 4;
+            if kind < 6 {
+                Shape::Line { points, closed }
+            } else {
+                Shape::Curve { points, closed }
+            }
+        }
+    });
+    let place = (0.0f32..1.0, 0.0f32..1.0, -180.0f32..180.0);
+    (shape, place, 0.02f32..0.4).prop_map(|(shape, (u, v, rotation), falloff)| Guide {
+        rotation,
+        falloff,
+        ..at(u, v, shape)
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn a_hold_has_no_steps_and_stays_in_range(guide in any_guide(), repeats in any::<bool>()) {
+        let wrap = if repeats { Wrap::Repeat } else { Wrap::Clamp };
+        let hold = Hold::new(&guides(256, vec![guide.clone()]), 1.0, wrap, 1.0 / 256.0).unwrap();
+        let xs: Vec<f32> = (0..512).map(|i| i as f32 / 511.0).collect();
+        let mut row = Row::default();
+        let mut above: Option<Vec<f32>> = None;
+        // The hold falls by at most 3/2 of the way per falloff, times how much faster than the distance its estimate grows.
+        let most = 3.0 * 1.5 / (511.0 * guide.falloff);
+        for &y in &xs {
+            hold.row(y, &xs, &mut row);
+            for (i, h) in row.hold.iter().enumerate() {
+                prop_assert!((0.0..=1.0).contains(h));
+                let left = row.hold[i.saturating_sub(1)];
+                let up = above.as_ref().map_or(*h, |a| a[i]);
+                prop_assert!((h - left).abs() < most && (h - up).abs() < most, "at {}, {}", xs[i], y);
+                let length = row.cos2[i].hypot(row.sin2[i]);
+                prop_assert!(length <= h * 1.001 + 1e-6, "{length} of {h}");
+            }
+            above = Some(row.hold.clone());
+        }
+    }
 }
 
 #[test]

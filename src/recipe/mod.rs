@@ -1,7 +1,7 @@
 //! Recipes: what a map is made of, as plain data in a TOML file.
 //!
 //! A recipe is the document. A preset, a saved project and an entry of a batch are one format: layers from bottom to top,
-//! each with one source (a pattern or an image), an optional mask, an opacity and the channels it touches. Positions are
+//! each with one source (a pattern, guides or an image), an optional mask, an opacity and the channels it touches. Positions are
 //! in UV or surface units, so that a recipe renders at any size; randomness comes only from the seeds in the file.
 //!
 //! [`RecipeFile`] reads, overrides and writes the text; [`Recipe::prepare`] and [`Prepared::fill`] make the map.
