@@ -729,11 +729,19 @@ impl Studio {
         let layer = recipe.layers.get(at);
         let Some(Source::Strokes(strokes)) = layer.map(|l| &l.source) else {
             let value = layer.map_or("no layer", |l| l.name());
-            return Err(not_to_paint_on(value, "a layer of strokes", "Add a paint layer"));
+            return Err(not_to_paint_on(
+                value,
+                "a layer of strokes",
+                "Add a paint layer",
+            ));
         };
         if !layer.is_some_and(|l| l.visible && l.opacity > 0.0) {
             let name = recipe.layers[at].name();
-            return Err(not_to_paint_on(name, "a layer that is shown", "Show it first"));
+            return Err(not_to_paint_on(
+                name,
+                "a layer that is shown",
+                "Show it first",
+            ));
         }
         // While the map of another recipe is being worked out the canvas is of the size that is shown.
         let size = self.canvas.stack().size();
@@ -745,7 +753,11 @@ impl Studio {
             let own = strokes.mesh.as_deref().unwrap_or(shown);
             if own != shown {
                 let allowed = format!("a layer of strokes that lie on {shown}, not on {own}");
-                return Err(not_to_paint_on(layer.map_or("", |l| l.name()), &allowed, "Add a paint layer"));
+                return Err(not_to_paint_on(
+                    layer.map_or("", |l| l.name()),
+                    &allowed,
+                    "Add a paint layer",
+                ));
             }
             let mesh = Arc::new(self.subject.mesh().clone());
             Some(Arc::new(Skin::new(mesh, &stack.surface())?))
