@@ -4,13 +4,22 @@
 //! `map` is the change of the map and of its levels, `reshade` the picture after it, `dab` both; `light` lights the whole
 //! picture anew and `everything` draws it anew. After every dab the picture is held against one drawn anew, out of the time.
 //!
+//! `brush-r64` and `brush-r256` are one soft dab of four channels on a map, without the preview; `stroke-r64` is one more point
+//! of a long live stroke. `strokes-100k` opens a layer of 100,000 strokes of radius 10 and length 80 texels at 2048x2048, once
+//! from its text and once from the strokes, and fills the map.
+//!
 //! Words after `--` choose cases by the beginnings of their names.
 
 use anisomap::map::{AnisoMap, Rect, Size, Texel, Wrap};
 use anisomap::math::Axis;
 use anisomap::mesh;
+use anisomap::paint::{Brush, Live, Painting, Point, SetAlpha, Stroke, Strokes, Tool};
+use anisomap::pattern::Surface;
 use anisomap::preview::{Frame, Look, Material, Prepared, Redrawn, Scene, Timings};
 use anisomap::progress::Progress;
+use anisomap::recipe::{Files, Layer, Recipe, RecipeFile, Source};
+use glam::Vec2;
+use std::sync::Arc;
 use std::time::Instant;
 
 const MAP_SIDE: u32 = 4096;
@@ -151,8 +160,168 @@ fn run(threads: usize, samples: u32, map: &AnisoMap) {
     report("everything", threads, samples, everything);
 }
 
+/// Texels of a map at work, with the coverage of a layer.
+struct Canvas {
+    map: AnisoMap,
+    surface: Surface,
+}
+
+impl Canvas {
+    fn new(map: AnisoMap) -> Self {
+        let surface = Surface {
+            size: map.size(),
+            aspect: 1.0,
+            wrap: map.wrap(),
+            seed: 0,
+        };
+        Self { map, surface }
+    }
+
+    /// Milliseconds of the last of some points of a stroke, its texels included.
+    fn last_point(&self, radius: u32, points: &[Point]) -> f64 {
+        let brush = Brush {
+            radius: radius as f32 / MAP_SIDE as f32,
+            hardness: 0.0,
+            tool: Tool::SetAlpha(SetAlpha {
+                alpha_x: Some(0.05),
+                alpha_y: Some(0.5),
+            }),
+            ..Brush::default()
+        };
+        let mut live = Live::new(Arc::new(brush), 1, &self.surface).expect("a brush");
+        let (last, before) = points.split_last().expect("a point");
+        for point in before {
+            live.push(*point);
+        }
+        let whole = Rect {
+            x: 1024,
+            y: 1024,
+            width: 1024,
+            height: 1024,
+        };
+        let below = self.map.region(whole);
+        let side = 2 * radius + 2 + 64;
+        let rect = Rect {
+            x: 1536 - side / 2,
+            y: 1536 - side / 2,
+            width: side,
+            height: side,
+        };
+        let mut now = below.clone();
+        let mut part = self.map.region(rect);
+        let mut coverage = vec![0.0; rect.texels()];
+        let (time, changed) = milliseconds(|| {
+            let dirty = live.push(*last);
+            live.apply(&below, &below, &mut part, &mut coverage);
+            now.copy_from(&part);
+            dirty
+        });
+        let reached = |r: &Rect| r.intersection(rect).is_some();
+        assert!(
+            changed.iter().any(reached),
+            "{changed:?} lies outside {rect:?}"
+        );
+        time
+    }
+}
+
+fn brushes(threads: usize, canvas: &Canvas) {
+    let point = |x: f32, y: f32| {
+        let uv = Vec2::new(x, MAP_SIDE as f32 - y) / MAP_SIDE as f32;
+        Point::new(uv, 1.0).expect("numbers")
+    };
+    for radius in [64, 256] {
+        let dab = [point(1536.0, 1536.0)];
+        let times = (0..100).map(|_| canvas.last_point(radius, &dab)).collect();
+        report(&format!("brush-r{radius}"), threads, 1, times);
+    }
+    let long: Vec<Point> = (0..400)
+        .map(|i| point(1536.0 - 0.5 * (399 - i) as f32, 1536.0))
+        .collect();
+    let times = (0..40).map(|_| canvas.last_point(64, &long)).collect();
+    report("stroke-r64", threads, 1, times);
+}
+
+/// A layer of many short strokes all over the map.
+fn many_strokes() -> Recipe {
+    let brush = Arc::new(Brush {
+        radius: 10.0 / 2048.0,
+        ..Brush::default()
+    });
+    let number = |n: u32| (n.wrapping_mul(2_654_435_761) >> 8) as f32 / (1u32 << 24) as f32;
+    let strokes = (0..100_000).map(|n| {
+        let middle = Vec2::new(number(3 * n), number(3 * n + 1));
+        let way = Vec2::from_angle(6.3 * number(3 * n + 2)) * (80.0 / 2048.0);
+        let points =
+            (0..20).filter_map(|i| Point::new(middle + way * (i as f32 / 19.0 - 0.5), 1.0));
+        Arc::new(Stroke::new(Arc::clone(&brush), n, points).expect("points"))
+    });
+    let strokes = Strokes {
+        strokes: strokes.collect(),
+        mesh: None,
+    };
+    Recipe {
+        size: Size::new(2048, 2048).expect("a size"),
+        layers: vec![Layer::new(Source::Strokes(strokes))],
+        ..Recipe::default()
+    }
+}
+
+fn documents(threads: usize, recipe: &Recipe) {
+    let text = RecipeFile::new(recipe.clone(), "many.toml")
+        .expect("a recipe")
+        .to_toml();
+    let (open, file) =
+        milliseconds(|| RecipeFile::parse(&text, "many.toml", None).expect("its text"));
+    let prepare = || {
+        file.recipe()
+            .prepare(recipe.size, &Files::default(), &Progress::none())
+    };
+    let (prepared_in, prepared) = milliseconds(|| prepare().expect("strokes"));
+    let (fill, map) = milliseconds(|| prepared.map(&Progress::none()).expect("a map"));
+    assert!(map.alpha_x().iter().any(|a| *a < 0.1));
+    report("strokes-100k-open", threads, 1, vec![open]);
+    report("strokes-100k-prepare", threads, 1, vec![prepared_in]);
+    report("strokes-100k-fill", threads, 1, vec![fill]);
+    let Source::Strokes(strokes) = &recipe.layers[0].source else {
+        return;
+    };
+    let surface = Surface {
+        size: recipe.size,
+        aspect: 1.0,
+        wrap: recipe.wrap,
+        seed: 0,
+    };
+    let mut painting = Painting::new(&surface, strokes, None, &Progress::none()).expect("strokes");
+    let undo = (0..100).map(|_| {
+        milliseconds(|| {
+            let last = painting.pop().expect("a stroke");
+            painting.push(&last);
+        })
+        .0
+    });
+    report("strokes-100k-pop-push", threads, 1, undo.collect());
+}
+
 fn main() {
     let map = brushed();
+    let canvas = Canvas::new(map.clone());
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.expect("threads");
+        if is_wanted("brush") || is_wanted("stroke-r64") {
+            pool.install(|| brushes(threads, &canvas));
+        }
+        if is_wanted("strokes-100k") {
+            pool.install(|| documents(threads, &many_strokes()));
+        }
+    }
+    if !["map-dab", "reshade-dab", "dab", "light", "everything"]
+        .into_iter()
+        .any(is_wanted)
+    {
+        return;
+    }
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let pool = pool.expect("threads");

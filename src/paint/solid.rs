@@ -167,7 +167,8 @@ fn add_lane<S: Simd>(_: S, p: &Stamp, shape: &Shape, some: &Places, out: &mut [L
             p.along.z + p.start.z * a + p.end.z * b,
         ];
         let outside = (before < 0.0) | (behind < 0.0);
-        let near = deep + if outside { 1.0 - BEND } else { 1.0 };
+        // Of two pieces at a crease the one that the place faces has the direction.
+        let near = (deep + if outside { 1.0 - BEND } else { 1.0 }) * seen;
         let w = coverage * (p.flow[0] + p.flow[1] * t) * seen;
         out[0][i] = if hidden { 0.0 } else { w };
         out[1][i] = if hidden | (deep <= 0.0) { 0.0 } else { near };

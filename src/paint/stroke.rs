@@ -98,7 +98,10 @@ impl MeshPoints {
     /// Adds the nearest point that a file can hold. `false`, and no change, when a number is not finite, the normal has no
     /// direction, or there are [`POINTS_MAX`].
     pub fn push(&mut self, position: Vec3, normal: Vec3, pressure: f32) -> bool {
-        self.add(position, normal, pressure) != Added::Nothing
+        let sound =
+            position.is_finite() && pressure.is_finite() && normal.try_normalize().is_some();
+        let there = self.points.len();
+        sound && (self.add(position, normal, pressure) != Added::Nothing || there < POINTS_MAX)
     }
 
     pub(super) fn add(&mut self, position: Vec3, normal: Vec3, pressure: f32) -> Added {

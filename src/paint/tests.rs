@@ -709,3 +709,374 @@ fn numbers_that_are_none_are_no_points() {
     assert!(!points.push(glam::Vec3::ZERO, glam::Vec3::ZERO, 1.0));
     assert!(points.is_empty() && Stroke::on_mesh(brush, 0, points).is_err());
 }
+
+/// Strokes on meshes.
+mod on_mesh {
+    use super::*;
+    use crate::mesh::{self, Mesh, pot};
+    use glam::{Vec3, Vec4};
+
+    fn skin(mesh: Mesh, width: u32, height: u32, wrap: Wrap) -> (Surface, Arc<Skin>) {
+        let surface = Surface {
+            size: Size::new(width, height).unwrap(),
+            aspect: mesh.aspect,
+            wrap,
+            seed: 0,
+        };
+        let skin = Skin::new(Arc::new(mesh), &surface).unwrap();
+        (surface, Arc::new(skin))
+    }
+
+    /// Positions and normals of the vertices nearest to places of the layout, each once.
+    fn on_vertices(mesh: &Mesh, uvs: impl Iterator<Item = Vec2>) -> Vec<(Vec3, Vec3)> {
+        let mut path: Vec<(Vec3, Vec3)> = Vec::new();
+        for uv in uvs {
+            let uv = uv - uv.floor();
+            let off = |i: &usize| mesh.uvs[*i].distance(uv);
+            let i = (0..mesh.uvs.len())
+                .min_by(|a, b| off(a).total_cmp(&off(b)))
+                .unwrap();
+            if path.last().is_none_or(|p| p.0 != mesh.positions[i]) {
+                path.push((mesh.positions[i], mesh.normals[i]));
+            }
+        }
+        path
+    }
+
+    /// The place of the surface that the layout shows at each of some places.
+    fn on_surface(mesh: &Mesh, uvs: impl Iterator<Item = Vec2>) -> Vec<(Vec3, Vec3)> {
+        let at = |uv: Vec2| {
+            let uv = uv - uv.floor();
+            let hit = mesh.triangles.iter().find_map(|t| {
+                let [a, b, c] = t.map(|i| mesh.uvs[i as usize]);
+                let area = (b - a).perp_dot(c - a);
+                let v = (uv - a).perp_dot(c - a) / area;
+                let w = (b - a).perp_dot(uv - a) / area;
+                let inside = v >= -1e-4 && w >= -1e-4 && v + w <= 1.0001;
+                inside.then_some((*t, [1.0 - v - w, v, w]))
+            });
+            let (t, at) = hit.expect("the layout covers all");
+            let mix = |from: &[Vec3]| (0..3).map(|k| from[t[k] as usize] * at[k]).sum::<Vec3>();
+            (mix(&mesh.positions), mix(&mesh.normals))
+        };
+        uvs.map(at).collect()
+    }
+
+    fn stroke_of(brush: &Brush, skin: &Skin, path: &[(Vec3, Vec3)]) -> Arc<Stroke> {
+        let mut points = MeshPoints::new(skin.extent());
+        for (position, normal) in path {
+            assert!(points.push(*position, *normal, 1.0));
+        }
+        Arc::new(Stroke::on_mesh(Arc::new(brush.clone()), 3, points).unwrap())
+    }
+
+    fn painting(surface: &Surface, skin: &Arc<Skin>, strokes: &[Arc<Stroke>]) -> Painting {
+        let strokes = Strokes {
+            strokes: strokes.to_vec(),
+            mesh: None,
+        };
+        Painting::new(surface, &strokes, Some(Arc::clone(skin)), &Progress::none()).unwrap()
+    }
+
+    /// Every place of the surface that a texel shows: the texel, position, normal, and a direction of the frame in space.
+    fn each_place(
+        surface: &Surface,
+        skin: &Skin,
+        mut visit: impl FnMut(usize, Vec3, Vec3, [Vec3; 2]),
+    ) {
+        let rect = surface.size.rect();
+        for (n, tile) in rect.tiles(cover::TILE).enumerate() {
+            let columns = surface.size.width().div_ceil(cover::TILE);
+            for some in skin.places((n as u32 % columns, n as u32 / columns)).iter() {
+                for i in (0..cover::LANES).filter(|i| some.texel[*i] != skin::NOWHERE) {
+                    let (x, y) = (
+                        some.texel[i] as u32 % cover::TILE,
+                        some.texel[i] as u32 / cover::TILE,
+                    );
+                    if x < tile.width && y < tile.height {
+                        let at = |v: &[cover::Lane; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+                        let frame = [at(&some.tangent), at(&some.bitangent)];
+                        visit(
+                            rect.index(tile.x + x, tile.y + y),
+                            at(&some.at),
+                            at(&some.normal),
+                            frame,
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    fn in_space(texel: Texel, frame: [Vec3; 2]) -> Vec3 {
+        let d = texel.axis.direction();
+        frame[0] * d.x + frame[1] * d.y
+    }
+
+    fn between(a: Vec3, b: Vec3) -> f32 {
+        a.normalize()
+            .cross(b.normalize())
+            .length()
+            .min(1.0)
+            .asin()
+            .to_degrees()
+    }
+
+    #[test]
+    fn a_stroke_goes_straight_over_the_seams_of_a_torus() {
+        let (surface, skin) = skin(mesh::torus(), 1024, 512, Wrap::Repeat);
+        let groove = Brush {
+            radius: 0.08,
+            hardness: 0.9,
+            ..Brush::default()
+        };
+        // Over the seam of u at the top, and over that of v at the inner equator.
+        for (from, to) in [((-0.04, 0.72), (0.04, 0.78)), ((0.46, -0.06), (0.54, 0.06))] {
+            let (from, to) = (Vec2::from(from), Vec2::from(to));
+            let path = on_surface(
+                skin.mesh(),
+                (0..=40).map(|i| from.lerp(to, i as f32 / 40.0)),
+            );
+            let one = stroke_of(&groove, &skin, &path);
+            let below = ground(surface.size);
+            let (all, coverage) = painted(
+                &painting(&surface, &skin, &[one]),
+                &below,
+                surface.size.rect(),
+            );
+            let mut frames = vec![None; surface.size.texels()];
+            each_place(&surface, &skin, |i, at, _, frame| {
+                frames[i] = Some((at, frame))
+            });
+            let (mut met, mut worst) = (0, 0.0f32);
+            let rect = surface.size.rect();
+            let seam = |k: u32| {
+                if from.x < 0.0 {
+                    (rect.index(0, k), rect.index(1023, k))
+                } else {
+                    (rect.index(k, 0), rect.index(k, 511))
+                }
+            };
+            for k in 0..512 {
+                let (a, b) = seam(k);
+                if coverage[a] == 1.0 && coverage[b] == 1.0 {
+                    let (Some((p, f)), Some((q, g))) = (frames[a], frames[b]) else {
+                        panic!()
+                    };
+                    assert!(p.distance(q) < 0.03, "{p} {q}");
+                    met += 1;
+                    worst = worst.max(between(
+                        in_space(all.texel(a), f),
+                        in_space(all.texel(b), g),
+                    ));
+                }
+            }
+            assert!(met > 4, "{met} texels at the seam");
+            assert!(worst <= 1.0, "{worst} degrees");
+            println!("torus: {met} pairs, {worst} degrees");
+        }
+    }
+
+    #[test]
+    fn a_stroke_keeps_its_direction_over_the_joint_of_a_pots_handle() {
+        let (surface, skin) = skin(pot(), 2048, 1707, Wrap::RepeatU);
+        let groove = Brush {
+            radius: 0.03,
+            hardness: 0.9,
+            ..Brush::default()
+        };
+        // Along the wall, up to the handle's leg at +x, and on along it: z = 0.3 is its middle.
+        let y = {
+            let top = skin
+                .mesh()
+                .positions
+                .iter()
+                .filter(|p| p.x > 1.15 && p.z > 0.0);
+            let (low, high) = top.fold((f32::MAX, f32::MIN), |m, p| (m.0.min(p.y), m.1.max(p.y)));
+            0.5 * (low + high)
+        };
+        let up = y + 0.04; // the top of the tube
+        let wall = |z: f32, y: f32| Vec3::new((1.0 - z * z).sqrt(), y, z);
+        let mut path: Vec<(Vec3, Vec3)> = Vec::new();
+        for i in 0..=20 {
+            let at = wall(0.3, up + 0.1 * (1.0 - i as f32 / 20.0));
+            path.push((at, Vec3::new(at.x, 0.0, at.z)));
+        }
+        for i in 1..=10 {
+            path.push((Vec3::new(path[0].0.x + 0.005 * i as f32, up, 0.3), Vec3::Y));
+        }
+        let one = stroke_of(&groove, &skin, &path);
+        let strokes = painting(&surface, &skin, &[one]);
+        let (all, coverage) = painted(&strokes, &ground(surface.size), surface.size.rect());
+        let (mut on_wall, mut on_handle, mut worst) = (0, 0, 0.0f32);
+        let size = Vec2::new(2048.0, 1707.0);
+        each_place(&surface, &skin, |i, _, normal, frame| {
+            if coverage[i] < 1.0 {
+                return;
+            }
+            let uv = Vec2::new((i % 2048) as f32 + 0.5, 1707.0 - (i / 2048) as f32 - 0.5) / size;
+            let (count, direction) = if pot::BODY.contains(uv) {
+                (&mut on_wall, Vec3::NEG_Y)
+            } else {
+                (&mut on_handle, Vec3::X)
+            };
+            *count += 1;
+            let flat = direction - normal * direction.dot(normal);
+            worst = worst.max(between(in_space(all.texel(i), frame), flat));
+        });
+        println!("pot: {on_wall} texels of the wall, {on_handle} of the handle, {worst} degrees");
+        assert!(on_wall > 500 && on_handle > 50, "{on_wall} {on_handle}");
+        assert!(worst <= 1.0, "{worst} degrees");
+    }
+
+    #[test]
+    fn what_faces_away_keeps_its_own_paint() {
+        let (surface, skin) = skin(pot(), 512, 427, Wrap::RepeatU);
+        let wide = Brush {
+            radius: 0.2,
+            ..Brush::default()
+        };
+        let path: Vec<(Vec3, Vec3)> = (0..10)
+            .map(|i| (Vec3::new(0.05 * i as f32 - 0.25, 0.0, 1.0), Vec3::Z))
+            .collect();
+        let (_, coverage) = painted(
+            &painting(&surface, &skin, &[stroke_of(&wide, &skin, &path)]),
+            &ground(surface.size),
+            surface.size.rect(),
+        );
+        let (mut outside, mut inside) = (0, 0);
+        each_place(&surface, &skin, |i, at, normal, _| {
+            if coverage[i] > 0.5 {
+                let out = normal.dot(Vec3::new(at.x, 0.0, at.z)) > 0.0;
+                if out { outside += 1 } else { inside += 1 }
+            }
+        });
+        assert!(outside > 500 && inside == 0, "{outside} {inside}");
+    }
+
+    #[test]
+    fn paint_goes_on_beyond_the_edge_of_a_chart() {
+        let mut plane = mesh::plane();
+        for uv in &mut plane.uvs {
+            *uv = 0.25 + *uv * 0.5;
+        }
+        let (surface, skin) = skin(plane, 128, 128, Wrap::Clamp);
+        let mut shown = vec![0; surface.size.texels()];
+        each_place(&surface, &skin, |i, _, _, _| shown[i] += 1);
+        let at = |x: u32, y: u32| shown[surface.size.rect().index(x, y)];
+        assert!(at(64, 64) >= 1 && at(29, 64) == 1 && at(64, 98) == 1);
+        assert_eq!((at(26, 64), at(2, 2)), (0, 0));
+    }
+
+    prop_compose! {
+        fn any_walk()(
+            tool in prop::sample::select(tools()),
+            radius in 0.02f32..0.3,
+            hardness in 0.0f32..=1.0,
+            spacing in prop_oneof![Just(0.0f32), 0.1f32..1.0],
+            start in (0.0f32..1.0, 0.0f32..1.0),
+            steps in prop::collection::vec((-0.05f32..0.05, -0.05f32..0.05), 0..6),
+        ) -> (Brush, Vec<Vec2>) {
+            let mut at = Vec2::from(start);
+            let mut walk = vec![at];
+            for step in steps {
+                at += Vec2::from(step);
+                walk.push(at);
+            }
+            (Brush { tool, radius, hardness, spacing, jitter: 0.3, flow: 0.8, ..Brush::default() }, walk)
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20))]
+
+        #[test]
+        fn pieces_live_strokes_and_files_all_agree(walks in prop::collection::vec(any_walk(), 1..3)) {
+            let (surface, skin) = skin(mesh::torus(), 180, 100, Wrap::Repeat);
+            let rect = surface.size.rect();
+            let below = ground(surface.size);
+            let strokes: Vec<Arc<Stroke>> = walks
+                .iter()
+                .map(|(brush, walk)| stroke_of(brush, &skin, &on_vertices(skin.mesh(), walk.iter().copied())))
+                .collect();
+            let all = Strokes { strokes: strokes.clone(), mesh: None };
+            let text = toml::to_string(&all).unwrap();
+            prop_assert_eq!(&toml::from_str::<Strokes>(&text).unwrap(), &all);
+            let painting = painting(&surface, &skin, &strokes);
+            let (want, coverage) = painted(&painting, &below, rect);
+            for part in rect.tiles(47) {
+                let (piece, _) = painted(&painting, &below, part);
+                for y in part.y..part.y + part.height {
+                    for x in part.x..part.x + part.width {
+                        prop_assert_eq!(piece.texel(part.index(x, y)), want.texel(rect.index(x, y)));
+                    }
+                }
+            }
+            let under = below.region(rect);
+            let (mut now, mut covered) = (under.clone(), vec![0.0; rect.texels()]);
+            for one in &strokes {
+                let before = (now.clone(), covered.clone());
+                let mut live = Live::on_mesh(one.brush().clone(), one.seed(), Arc::clone(&skin)).unwrap();
+                let Points::Mesh(points) = one.points() else { panic!() };
+                for n in 0..points.len() {
+                    let (position, normal, pressure) = points.get(n);
+                    for dirty in live.push_on_mesh(position, normal, pressure) {
+                        let mut part = Region::constant(dirty, DEFAULT_TEXEL);
+                        let mut c: Vec<f32> = (dirty.y..dirty.y + dirty.height)
+                            .flat_map(|y| (dirty.x..dirty.x + dirty.width).map(move |x| (x, y)))
+                            .map(|(x, y)| before.1[rect.index(x, y)])
+                            .collect();
+                        live.apply(&before.0, &under, &mut part, &mut c);
+                        now.copy_from(&part);
+                        for y in dirty.y..dirty.y + dirty.height {
+                            for x in dirty.x..dirty.x + dirty.width {
+                                covered[rect.index(x, y)] = c[dirty.index(x, y)];
+                            }
+                        }
+                    }
+                }
+                if let Some(finished) = live.finish() {
+                    prop_assert_eq!(finished.points().len(), points.len());
+                }
+            }
+            prop_assert!(now == want && covered == coverage);
+        }
+    }
+
+    #[test]
+    fn a_mesh_of_nothing_but_odd_triangles_is_no_trouble() {
+        let mesh = Mesh {
+            name: "odd".to_owned(),
+            positions: vec![
+                Vec3::ZERO,
+                Vec3::X,
+                Vec3::X * 2.0,
+                Vec3::new(1e30, 0.0, 1.0),
+            ],
+            normals: vec![Vec3::Z; 4],
+            tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4],
+            uvs: vec![
+                Vec2::ZERO,
+                Vec2::ONE,
+                Vec2::splat(1e20),
+                Vec2::new(-1e20, 3.0),
+            ],
+            triangles: vec![[0, 1, 2], [0, 0, 0], [0, 1, 3], [1, 2, 3]],
+            aspect: 1.0,
+        };
+        let (surface, skin) = skin(mesh, 64, 64, Wrap::Repeat);
+        let one = stroke_of(
+            &Brush::default(),
+            &skin,
+            &[(Vec3::ZERO, Vec3::Z), (Vec3::X, Vec3::Z)],
+        );
+        let (all, _) = painted(
+            &painting(&surface, &skin, &[one]),
+            &ground(surface.size),
+            surface.size.rect(),
+        );
+        let planes = [all.alpha_x, all.alpha_y, all.cos2, all.sin2];
+        let (_, mended) = AnisoMap::from_planes(surface.size, Wrap::Repeat, planes).unwrap();
+        assert_eq!(mended.faults(), 0);
+    }
+}

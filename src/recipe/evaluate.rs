@@ -1063,6 +1063,126 @@ mod tests {
         }
     }
 
+    /// A layer of strokes that look around themselves, over another, under a third, with a mask of its own.
+    fn painted() -> RecipeFile {
+        use crate::paint::{Brush, Point, Smooth, Stroke, Strokes, Tool};
+        let mut file = RecipeFile::parse(&format!("version = 1\n{MANY}"), "t.toml", None).unwrap();
+        let mut recipe = file.recipe().clone();
+        let stroke = |tool: Tool, points: &[(f32, f32)]| {
+            let brush = Brush {
+                tool,
+                radius: 0.2,
+                ..Brush::default()
+            };
+            let points = points
+                .iter()
+                .map(|(u, v)| Point::new(Vec2::new(*u, *v), 0.8).unwrap());
+            Arc::new(Stroke::new(Arc::new(brush), 1, points).unwrap())
+        };
+        let smooth = Tool::Smooth(Smooth { reach: 0.05 });
+        let strokes = Strokes {
+            strokes: vec![
+                stroke(Tool::default(), &[(0.2, 0.2), (0.5, 0.6), (1.1, 0.7)]),
+                stroke(smooth, &[(0.1, 0.4), (0.9, 0.5)]),
+                stroke(Tool::Comb, &[(0.3, 0.9), (0.4, 0.1)]),
+                stroke(Tool::Erase, &[(0.8, 0.2)]),
+            ],
+            mesh: None,
+        };
+        let mut layer = Layer::new(Source::Strokes(strokes));
+        layer.opacity = 0.8;
+        layer.mask = recipe.layers[1].mask.clone();
+        recipe.layers.insert(2, layer);
+        file.update(recipe).unwrap();
+        file
+    }
+
+    #[test]
+    fn what_was_painted_is_the_same_in_pieces_and_after_saving() {
+        let file = painted();
+        let size = file.recipe().size;
+        let prepare = |file: &RecipeFile| {
+            let files = Files::default();
+            let recipe = file.recipe();
+            recipe.prepare(size, &files, &Progress::none()).unwrap()
+        };
+        let prepared = prepare(&file);
+        let whole = prepared.map(&Progress::none()).unwrap();
+        for rect in size.rect().tiles(61) {
+            assert_eq!(prepared.region(rect), whole.region(rect));
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let one = pool
+            .unwrap()
+            .install(|| prepared.map(&Progress::none()).unwrap());
+        assert!(one == whole);
+        let text = file.to_toml();
+        assert!(
+            text.contains("[layers.strokes]") && text.contains("[[layers.strokes.brushes]]"),
+            "{text}"
+        );
+        let back = RecipeFile::parse(&text, "t.toml", None).unwrap();
+        assert_eq!(back.recipe(), file.recipe());
+        assert!(prepare(&back).map(&Progress::none()).unwrap() == whole);
+        let mut plain = file.recipe().clone();
+        plain.layers.remove(2);
+        let plain = plain
+            .prepare(size, &Files::default(), &Progress::none())
+            .unwrap();
+        assert!(plain.map(&Progress::none()).unwrap() != whole);
+    }
+
+    #[test]
+    fn mistakes_in_strokes_name_their_place() {
+        let fails = |text: &str, words: &[&str]| {
+            let text = format!("version = 1\n[[layers]]\n[layers.strokes]\n{text}");
+            let file = RecipeFile::parse(&text, "t.toml", None);
+            let result = file.and_then(|f| {
+                let recipe = f.recipe();
+                recipe
+                    .prepare(recipe.size, &Files::default(), &Progress::none())
+                    .map(|_| ())
+            });
+            let e = result.unwrap_err().to_string();
+            for word in words {
+                assert!(e.contains(word), "no `{word}` in: {e}");
+            }
+        };
+        fails(
+            "packed = ['AAAAAA']",
+            &[
+                "line 4",
+                "layers.0.strokes.packed.0",
+                "number of points is 0",
+            ],
+        );
+        fails(
+            "packed = ['AAAAAYAgAAA']",
+            &["layers.0.strokes", "packed.0", "brush 0"],
+        );
+        fails(
+            "packed = []\n[[layers.strokes.brushes]]\nradius = -1.0",
+            &["line 5", "layers.0.strokes.brushes.0", "radius is -1"],
+        );
+        fails(
+            "packed = []\n[[layers.strokes.brushes]]\ntool = 'groov'",
+            &["line 6", "Did you mean `groove`"],
+        );
+        // One stroke on a mesh, and no mesh.
+        fails(
+            "packed = ['AAEAAS+AIAAAAAAA']\n[[layers.strokes.brushes]]",
+            &["layers.0.strokes.mesh is missing"],
+        );
+        fails(
+            "mesh = 'tours'\npacked = ['AAEAAS+AIAAAAAAA']\n[[layers.strokes.brushes]]",
+            &["layers.0.strokes.mesh", "Did you mean `torus`"],
+        );
+        fails(
+            "mesh = 'a.obj'\npacked = ['AAEAAS+AIAAAAAAA']\n[[layers.strokes.brushes]]",
+            &["layers.0.strokes.mesh is `a.obj`"],
+        );
+    }
+
     #[test]
     fn what_was_prepared_before_serves_again_where_it_is_the_same() {
         let file = RecipeFile::parse(&format!("version = 1\n{MANY}"), "t.toml", None).unwrap();
