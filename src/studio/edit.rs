@@ -272,8 +272,19 @@ impl Edit {
             }
             Self::SetHead { at, mut head } => {
                 let layer = &mut recipe.layers[within(at, layers)?];
+                let random = layer.random_name().to_owned();
                 head.exchange(layer);
-                (Self::SetHead { at, head }, Touched::Map)
+                let renamed = LayerHead {
+                    name: layer.name.clone(),
+                    seed_of: layer.seed_of.clone(),
+                    ..(*head).clone()
+                };
+                let touched = if renamed == LayerHead::of(layer) && layer.random_name() == random {
+                    Touched::Nothing
+                } else {
+                    Touched::Map
+                };
+                (Self::SetHead { at, head }, touched)
             }
             Self::SetHeader { header } => {
                 let before = Header::of(recipe);

@@ -40,7 +40,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// The mesh of a recipe that names none.
@@ -113,7 +112,6 @@ struct Shown {
 
 /// Work in the background.
 struct Job {
-    thread: Option<JoinHandle<()>>,
     stop: Arc<AtomicBool>,
     /// Thousandths.
     done: Arc<AtomicU32>,
@@ -131,11 +129,9 @@ struct Made {
 }
 
 impl Drop for Job {
+    /// Nobody wants its result: it ends when it next asks, and nobody waits for that.
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join(); // nobody wants its result
-        }
     }
 }
 
@@ -493,9 +489,8 @@ impl Studio {
             }
         });
         match thread {
-            Ok(thread) => {
+            Ok(_) => {
                 self.job = Some(Job {
-                    thread: Some(thread),
                     stop,
                     done,
                     result,
