@@ -306,30 +306,22 @@ fn read_points<const N: usize, P>(
     Ok(points)
 }
 
-/// A packed string: some strokes.
-struct Run(Vec<Unpacked>);
-
-impl<'de> Deserialize<'de> for Run {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let text = String::deserialize(deserializer)?;
-        let bytes = STANDARD_NO_PAD.decode(text).map_err(|e| {
-            D::Error::custom(format!(
-                "is no packed strokes: {e}; allowed: base64 as this program writes it"
-            ))
-        })?;
-        let mut reader = Reader { bytes: &bytes };
-        let mut strokes = Vec::new();
-        while !reader.bytes.is_empty() {
-            let stroke = unpack(&mut reader).map_err(|wrong| {
-                D::Error::custom(format!(
-                    "has a stroke, number {} of its own, that cannot be read: {wrong}",
-                    strokes.len()
-                ))
-            })?;
-            strokes.push(stroke);
+/// The strokes of a packed string.
+fn unpack_run(text: &str) -> Result<Vec<Unpacked>, Wrong> {
+    let bytes = STANDARD_NO_PAD.decode(text).map_err(|e| {
+        format!("holds no packed strokes: {e}; allowed: base64 as this program writes it")
+    })?;
+    let mut reader = Reader { bytes: &bytes };
+    let mut strokes = Vec::new();
+    while !reader.bytes.is_empty() {
+        let n = strokes.len();
+        let stroke = unpack(&mut reader);
+        strokes.push(stroke.map_err(|wrong| format!("cannot be read at its stroke {n}: {wrong}"))?);
+        if strokes.len() > STROKES_MAX {
+            break; // too many, as the caller will find
         }
-        Ok(Self(strokes))
     }
+    Ok(strokes)
 }
 
 /// A brush that was checked where it stands.
@@ -348,7 +340,7 @@ impl<'de> Deserialize<'de> for Checked {
 struct Table {
     mesh: Option<String>,
     #[serde(default)]
-    packed: Vec<Run>,
+    packed: Vec<String>,
     #[serde(default)]
     brushes: Vec<Checked>,
 }
@@ -356,19 +348,16 @@ struct Table {
 impl<'de> Deserialize<'de> for Strokes {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let table = Table::deserialize(deserializer)?;
-        let count: usize = table.packed.iter().map(|run| run.0.len()).sum();
-        if count > STROKES_MAX {
-            return Err(D::Error::custom(format!(
-                "has {count} strokes; allowed: at most {STROKES_MAX} in a layer"
-            )));
-        }
-        let mut strokes = Vec::with_capacity(count);
-        for (n, run) in table.packed.into_iter().enumerate() {
-            for stroke in run.0 {
-                strokes.push(
-                    named(stroke, &table.brushes)
-                        .map_err(|wrong| D::Error::custom(format!("in packed.{n} {wrong}")))?,
-                );
+        let mut strokes = Vec::new();
+        for (n, run) in table.packed.iter().enumerate() {
+            let mistake = |wrong| D::Error::custom(format!("packed.{n} {wrong}"));
+            for stroke in unpack_run(run).map_err(mistake)? {
+                strokes.push(named(stroke, &table.brushes).map_err(mistake)?);
+            }
+            if strokes.len() > STROKES_MAX {
+                return Err(D::Error::custom(format!(
+                    "more than {STROKES_MAX} strokes are packed; allowed: at most that many in a layer"
+                )));
             }
         }
         Ok(Self {
@@ -383,7 +372,7 @@ fn named(stroke: Unpacked, brushes: &[Checked]) -> Result<Arc<Stroke>, Wrong> {
     let brush = usize::try_from(stroke.brush).ok();
     let Some(Checked(brush)) = brush.and_then(|n| brushes.get(n)) else {
         return Err(format!(
-            "a stroke has brush {}; allowed: less than {}, the number of `brushes`",
+            "has a stroke of brush {}; allowed: less than {}, the number of `brushes`",
             stroke.brush,
             brushes.len()
         ));

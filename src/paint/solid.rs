@@ -167,15 +167,22 @@ fn add_lane<S: Simd>(_: S, p: &Stamp, shape: &Shape, some: &Places, out: &mut [L
             p.along.z + p.start.z * a + p.end.z * b,
         ];
         let outside = (before < 0.0) | (behind < 0.0);
-        // Of two pieces at a crease the one that the place faces has the direction.
-        let near = (deep + if outside { 1.0 - BEND } else { 1.0 }) * seen;
+        let x = v[0] * some.tangent[0][i] + v[1] * some.tangent[1][i] + v[2] * some.tangent[2][i];
+        let y =
+            v[0] * some.bitangent[0][i] + v[1] * some.bitangent[1][i] + v[2] * some.bitangent[2][i];
+        // At a crease the piece has the direction that the place faces, and that runs along the surface there.
+        let square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+        let lies = if square > 0.0 {
+            (x * x + y * y) / square
+        } else {
+            1.0
+        };
+        let near = (deep + if outside { 1.0 - BEND } else { 1.0 }) * seen * lies;
         let w = coverage * (p.flow[0] + p.flow[1] * t) * seen;
         out[0][i] = if hidden { 0.0 } else { w };
         out[1][i] = if hidden | (deep <= 0.0) { 0.0 } else { near };
-        out[2][i] =
-            v[0] * some.tangent[0][i] + v[1] * some.tangent[1][i] + v[2] * some.tangent[2][i];
-        out[3][i] =
-            v[0] * some.bitangent[0][i] + v[1] * some.bitangent[1][i] + v[2] * some.bitangent[2][i];
+        out[2][i] = x;
+        out[3][i] = y;
     }
 }
 

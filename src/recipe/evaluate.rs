@@ -1152,7 +1152,8 @@ mod tests {
             "packed = ['AAAAAA']",
             &[
                 "line 4",
-                "layers.0.strokes.packed.0",
+                "layers.0.strokes",
+                "packed.0",
                 "number of points is 0",
             ],
         );
