@@ -6,6 +6,7 @@
 use super::shape::{Placement, Shape, double_angle};
 use super::{Guide, Mode};
 use glam::Vec2;
+use std::f32::consts::TAU;
 
 /// What a handle changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -49,6 +50,9 @@ pub struct Modifiers {
 }
 
 const SNAP_DEGREES: f32 = 15.0;
+/// Pieces that a rim or a turn is drawn with, and the most turns of a spiral that are drawn.
+const RIM: u32 = 72;
+const TURNS_MAX: f32 = 64.0;
 /// How far beyond the shape its rotation handle lies, as a factor.
 const ROTATION_BEYOND: f32 = 1.25;
 
@@ -136,6 +140,67 @@ impl Guide {
             }
         }
         guide
+    }
+
+    /// Its outline or path as straight pieces from place to place (UV units), for an editor to draw; of a spiral its rim and
+    /// its turns.
+    pub fn outline(&self, aspect: f32) -> Vec<[Vec2; 2]> {
+        let place = self.placement(aspect);
+        let to_uv = |p: Vec2| p / place.extent;
+        if self.shape.points().is_some() {
+            let segments = self.segments(aspect, 1e-3, 0.0);
+            return segments
+                .iter()
+                .map(|s| [to_uv(s.from), to_uv(s.to)])
+                .collect();
+        }
+        let local = |p: Vec2| to_uv(place.outward(p));
+        let closed = self
+            .rim()
+            .windows(2)
+            .map(|p| [local(p[0]), local(p[1])])
+            .collect::<Vec<_>>();
+        let turns = self.turns();
+        let turns = turns.windows(2).map(|p| [local(p[0]), local(p[1])]);
+        closed.into_iter().chain(turns).collect()
+    }
+
+    /// The rim of an ellipse, rectangle or spiral in its own coordinates, closed.
+    fn rim(&self) -> Vec<Vec2> {
+        let around = |i: u32| Vec2::from_angle(TAU * i as f32 / RIM as f32);
+        match &self.shape {
+            Shape::Rectangle { size, corner } => {
+                let half = 0.5 * Vec2::from(*size);
+                let corner = corner.min(half.min_element());
+                let round = |i: u32| {
+                    // Each quarter turn stands at its own corner.
+                    let quarter = [
+                        Vec2::ONE,
+                        Vec2::new(-1.0, 1.0),
+                        -Vec2::ONE,
+                        Vec2::new(1.0, -1.0),
+                    ];
+                    let at = quarter[(4 * i / RIM) as usize % 4];
+                    at * (half - corner) + around(i) * corner
+                };
+                (0..=RIM).map(|i| round(i % RIM)).collect()
+            }
+            _ => (0..=RIM).map(|i| around(i % RIM) * self.half()).collect(),
+        }
+    }
+
+    /// The groove of a spiral from its middle outward, in its own coordinates; at most [`TURNS_MAX`] turns.
+    fn turns(&self) -> Vec<Vec2> {
+        let Shape::Spiral { radius, pitch } = self.shape else {
+            return Vec::new();
+        };
+        let turns = (radius / pitch.abs().max(1e-6)).min(TURNS_MAX);
+        let points = (turns * RIM as f32) as u32;
+        let at = |i: u32| {
+            let turn = i as f32 / RIM as f32;
+            Vec2::from_angle(TAU * turn * pitch.signum()) * (turn * pitch.abs()).min(radius)
+        };
+        (0..=points).map(at).collect()
     }
 
     /// How far a place (UV units) lies from the guide's outline or path, in surface units: exact but for an ellipse, where
@@ -348,6 +413,29 @@ mod tests {
             panic!("still an ellipse");
         };
         assert!((radii[0] / radii[1] - 1.5).abs() < 1e-5);
+    }
+
+    #[test]
+    fn the_outline_lies_where_the_distance_is_nothing() {
+        for guide in shapes().into_iter().map(placed) {
+            let outline = guide.outline(1.5);
+            assert!(!outline.is_empty());
+            if matches!(guide.shape, Shape::Spiral { .. }) {
+                continue; // its turns lie inside
+            }
+            for [from, to] in outline {
+                assert!(
+                    guide.distance(from, 1.5) < 4e-3,
+                    "{} {from}",
+                    guide.shape.name()
+                );
+                assert!(
+                    guide.distance(to, 1.5) < 4e-3,
+                    "{} {to}",
+                    guide.shape.name()
+                );
+            }
+        }
     }
 
     #[test]

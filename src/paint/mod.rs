@@ -28,7 +28,7 @@ pub use brush::{
 };
 pub use live::Live;
 pub use painting::Painting;
-pub use skin::Skin;
+pub use skin::{Skin, surface_scale};
 pub use stroke::{MeshPoints, POINTS_MAX, Point, Points, STROKES_MAX, Stroke, Strokes, UV_REACH};
 
 #[cfg(test)]

@@ -75,7 +75,7 @@ impl Skin {
         let size = surface.size;
         let (columns, rows) = (size.width().div_ceil(TILE), size.height().div_ceil(TILE));
         let mut skin = Self {
-            scale: scale(&mesh, ground.grid.extent),
+            scale: surface_scale(&mesh, ground.grid.extent),
             mesh,
             ground,
             columns,
@@ -295,7 +295,7 @@ impl Skin {
 }
 
 /// How long one surface unit is on the mesh: the root of all its area over that of its layout.
-fn scale(mesh: &Mesh, extent: Vec2) -> f32 {
+pub fn surface_scale(mesh: &Mesh, extent: Vec2) -> f32 {
     let (mut space, mut layout) = (0.0f64, 0.0f64);
     for t in &mesh.triangles {
         let [p, q, r] = t.map(|i| mesh.positions[i as usize]);
