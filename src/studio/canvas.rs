@@ -185,6 +185,11 @@ impl Canvas {
         self.active.as_ref()?.skin.as_ref()
     }
 
+    /// Whether there is a stroke in flight.
+    pub(super) fn is_drawing(&self) -> bool {
+        self.active.as_ref().is_some_and(|a| a.live.is_some())
+    }
+
     /// Begins a stroke in flight: on the mesh where there is a `skin`, or else in UV.
     ///
     /// # Errors

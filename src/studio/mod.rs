@@ -6,6 +6,13 @@
 //! Everything that needs the whole map (a pattern's parameter, another size, a mesh from a file) is worked out by a thread of its
 //! own from a copy of the recipe, and taken over by [`Studio::tick`] when it is there; meanwhile the old map stands.
 
+pub mod action;
+pub mod hand;
+pub mod keymap;
+pub mod orbit;
+pub mod parameters;
+pub mod settings;
+
 mod canvas;
 mod document;
 mod edit;
@@ -15,6 +22,7 @@ mod layers;
 mod pick;
 pub mod view;
 mod viewport;
+mod welcome;
 
 pub use document::Document;
 pub use edit::{Edit, Header, LayerHead, Touched};
@@ -23,6 +31,7 @@ pub use journal::{Base, Journal, LeftBehind, left_behind};
 pub use layers::free_name;
 pub use pick::{Hit, pick};
 pub use viewport::{Quality, Show, Viewport};
+pub use welcome::welcome;
 
 use crate::error::{Error, Result};
 use crate::filter::Pyramid;
@@ -504,7 +513,9 @@ impl Studio {
 
     /// Takes over what the background has finished. To be called once a frame; costs nothing when there is nothing.
     pub fn tick(&mut self) -> Tick {
-        let finished = self.job.as_ref().map(|job| match job.result.try_recv() {
+        // What is made meanwhile would take the stroke in flight away: it waits until the pen is lifted.
+        let job = self.job.as_ref().filter(|_| !self.canvas.is_drawing());
+        let finished = job.map(|job| match job.result.try_recv() {
             Ok(made) => Some(made),
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => Some(Err(Error::Cancelled)),

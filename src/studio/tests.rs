@@ -155,6 +155,22 @@ fn a_cancelled_stroke_and_one_without_a_direction_leave_nothing() {
 }
 
 #[test]
+fn a_stroke_in_flight_outlives_a_map_that_is_made_meanwhile() {
+    let mut studio = painted();
+    studio.add_paint_layer().unwrap();
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    studio.begin_stroke(groove, 1).unwrap();
+    for x in [0.2, 0.5, 0.7] {
+        studio.stroke_to(Point::new(Vec2::splat(x), 1.0).unwrap());
+        std::thread::sleep(Duration::from_millis(60)); // longer than the map takes
+        studio.tick();
+    }
+    assert!(studio.end_stroke().unwrap());
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+}
+
+#[test]
 fn layers_are_edited_and_everything_is_undone() {
     let mut studio = painted();
     some_strokes(&mut studio);
