@@ -16,12 +16,13 @@ use std::path::PathBuf;
 ///
 /// A recipe (a preset by name, or a .toml file by path) becomes maps, a lit picture, and files for other programs.
 #[derive(Parser)]
-#[command(name = "anisomap", version, arg_required_else_help = true)]
+#[command(name = "anisomap", version)]
+#[cfg_attr(not(feature = "gui"), command(arg_required_else_help = true))]
 #[command(after_help = "Begin with:  anisomap generate pot -o out\n\
     Exit codes: 0 done; 1 the work found something wrong; 2 bad arguments or input; 3 the machine failed (disk, permissions).")]
 pub(super) struct Arguments {
     #[command(subcommand)]
-    pub(super) command: Command,
+    pub(super) command: Option<Command>,
 }
 
 #[derive(Subcommand)]
@@ -42,6 +43,17 @@ pub(super) enum Command {
     Chart(ChartArgs),
     /// Write a completion script for a shell
     Completions(CompletionsArgs),
+    /// Open the studio: paint, and see the light change under the brush
+    #[cfg(feature = "gui")]
+    Gui(GuiArgs),
+}
+
+#[cfg(feature = "gui")]
+#[derive(Args)]
+pub(super) struct GuiArgs {
+    /// A preset by name, a recipe by path; nothing for a scene to begin with. Example: pot, ./my_pot.toml
+    #[arg(value_name = "RECIPE|PRESET")]
+    pub(super) recipe: Option<String>,
 }
 
 #[derive(Args)]

@@ -43,7 +43,10 @@ pub(crate) fn run() -> ExitCode {
     }
 }
 
-fn dispatch(command: Command) -> Result {
+fn dispatch(command: Option<Command>) -> Result {
+    let Some(command) = command else {
+        return studio(None);
+    };
     match command {
         Command::Presets(args) => presets::run(args),
         Command::Generate(args) => generate::run(args),
@@ -53,5 +56,19 @@ fn dispatch(command: Command) -> Result {
         Command::Batch(args) => batch::run(args),
         Command::Chart(args) => chart::run(args),
         Command::Completions(args) => completions::run(args),
+        #[cfg(feature = "gui")]
+        Command::Gui(args) => studio(args.recipe),
     }
+}
+
+/// Opens the studio.
+#[cfg(feature = "gui")]
+fn studio(recipe: Option<String>) -> Result {
+    crate::gui::run(recipe).map(|()| Outcome::Fine)
+}
+
+/// Without the window there is always a command: clap shows the help where none is given.
+#[cfg(not(feature = "gui"))]
+fn studio(_recipe: Option<String>) -> Result {
+    Ok(Outcome::Fine)
 }

@@ -1,0 +1,968 @@
+//! The window: its layout, its menus, and what actions do.
+
+use super::canvas::{CanvasPane, Kind};
+use super::desk::{Desk, Panes, Redraw};
+use super::dialogs::{self, Dialog, NewDocument, Then, Wish};
+use super::export::ExportDialog;
+use super::files::{FileDialog, Purpose};
+use super::help::Help;
+use super::icons::Icon;
+use super::keys;
+use super::layers::{LayersPanel, menu_item};
+use super::presets::PresetBrowser;
+use super::properties::{Leaf, PropertiesPanel};
+use super::theme::{self, Palette};
+use super::viewport::{MESHES, ViewportPane, set_exposure, set_lights, set_mesh};
+use super::watch::Watch;
+use super::widgets::icon_button;
+use super::{guides, status, tools};
+use anisomap::Error;
+use anisomap::export::write_atomic;
+use anisomap::mesh;
+use anisomap::preview::Rig;
+use anisomap::recipe::{self, Image, Layer, RecipeFile, Source};
+use anisomap::studio::action::{Action, Group};
+use anisomap::studio::hand::{Mirror, ToolKind};
+use anisomap::studio::keymap::Keymap;
+use anisomap::studio::orbit;
+use anisomap::studio::settings::{Folders, Settings, Theme};
+use anisomap::studio::{Options, Studio, left_behind, welcome};
+use eframe::egui::{
+    self, CentralPanel, Context, CornerRadius, Frame, Id, Margin, Panel, Rect, Sense, Ui,
+    ViewportCommand, pos2, vec2,
+};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// The window.
+pub(crate) struct App {
+    pub(crate) desk: Desk,
+    pub(crate) canvas: CanvasPane,
+    viewport: ViewportPane,
+    layers: LayersPanel,
+    properties: PropertiesPanel,
+    title: String,
+    pub(crate) dialog: Option<Dialog>,
+    dressed: bool,
+    watch: Watch,
+    /// Set once the work at hand is out of danger and the window may close.
+    may_close: bool,
+    /// What waits until the work was saved.
+    after_saving: Option<Then>,
+}
+
+/// Opens the window with a recipe, or with the scene of the first start, and shows it until it is closed.
+///
+/// # Errors
+/// When the recipe cannot be read, or no window can be opened.
+pub(crate) fn run(word: Option<String>) -> Result<(), Error> {
+    let folders = Folders::find();
+    let (settings, trouble) = match &folders {
+        Some(folders) => Settings::load(&folders.settings()),
+        None => (Settings::default(), None),
+    };
+    let document = open(word.as_deref())?;
+    let viewport = egui::ViewportBuilder::default()
+        .with_title("anisomap")
+        .with_app_id("anisomap")
+        .with_inner_size(settings.window)
+        .with_min_inner_size([860.0, 560.0])
+        .with_drag_and_drop(true);
+    let options = eframe::NativeOptions {
+        viewport,
+        ..Default::default()
+    };
+    let shown = eframe::run_native(
+        "anisomap",
+        options,
+        Box::new(move |creation| {
+            let mut app = App::new(document, settings, folders)?;
+            app.dress(&creation.egui_ctx);
+            if let Some(error) = trouble {
+                app.desk.messages.error(error);
+            }
+            Ok(Box::new(app))
+        }),
+    );
+    shown.map_err(|e| {
+        let told = format!("no window can be opened: {e}");
+        Error::write("the screen")(std::io::Error::other(told))
+    })
+}
+
+/// A recipe's file and its place, from a preset's name or a path.
+fn open(word: Option<&str>) -> Result<(RecipeFile, Option<PathBuf>), Error> {
+    let Some(word) = word else {
+        return Ok((welcome()?, None));
+    };
+    let file = recipe::open(word)?;
+    let path = word.contains(['/', '\\', '.']).then(|| PathBuf::from(word));
+    Ok((file, path))
+}
+
+impl App {
+    pub(crate) fn new(
+        (file, path): (RecipeFile, Option<PathBuf>),
+        settings: Settings,
+        folders: Option<Folders>,
+    ) -> Result<Self, Error> {
+        let options = Options {
+            journals: folders.as_ref().map(|f| f.recovery.clone()),
+            undo_bytes: settings.undo_bytes(),
+        };
+        let studio = Studio::new(file, path, options)?;
+        let (keymap, trouble) = match folders.as_ref().map(Folders::keymap).filter(|p| p.exists()) {
+            Some(path) => match Keymap::load(&path) {
+                Ok(keymap) => (keymap, None),
+                Err(error) => (Keymap::default(), Some(error)),
+            },
+            None => (Keymap::default(), None),
+        };
+        let mut desk = Desk::new(studio, settings, keymap, folders);
+        if let Some(error) = trouble {
+            desk.messages.error(error);
+        }
+        let dialog = desk.folders.as_ref().and_then(|folders| {
+            let (left, troubles) = left_behind(&folders.recovery);
+            for trouble in troubles {
+                desk.messages.error(trouble);
+            }
+            (!left.is_empty()).then_some(Dialog::Recover(left))
+        });
+        Ok(Self {
+            desk,
+            canvas: CanvasPane::default(),
+            viewport: ViewportPane::default(),
+            layers: LayersPanel::default(),
+            properties: PropertiesPanel::default(),
+            title: String::new(),
+            dialog,
+            may_close: false,
+            dressed: false,
+            watch: Watch::default(),
+            after_saving: None,
+        })
+    }
+
+    /// Gives the window its colours and sizes.
+    fn dress(&mut self, ctx: &Context) {
+        theme::install(ctx);
+        theme::choose(ctx, self.desk.settings.theme);
+        ctx.set_zoom_factor(self.desk.settings.scale);
+        // Ctrl with plus and minus are keys of the canvas.
+        ctx.options_mut(|o| o.zoom_with_keyboard = false);
+        self.dressed = true;
+        self.watch
+            .look_after(self.desk.studio.document().path(), ctx);
+    }
+
+    /// One frame of the window.
+    pub(crate) fn frame(&mut self, ui: &mut Ui) {
+        let ctx = ui.ctx().clone();
+        if !self.dressed {
+            self.dress(&ctx);
+        }
+        let had_focus = ctx.memory(|m| m.focused().is_some());
+        self.desk.tick(&ctx);
+        if self.dialog.is_none() {
+            for action in keys::pressed(&ctx, &self.desk.keymap) {
+                self.desk.ask(action);
+            }
+        }
+        self.take_dropped(&ctx);
+        self.follow_file();
+        self.menu_bar(ui);
+        if self.desk.panels {
+            self.panels(ui);
+        }
+        self.panes(ui);
+        self.hint(ui);
+        if let Some(wish) = dialogs::show(&ctx, &mut self.dialog, &mut self.desk) {
+            self.grant(&ctx, wish);
+            ctx.request_repaint();
+        }
+        self.desk.messages.show(&ctx);
+        for action in self.desk.take_asked() {
+            self.perform(ui, action);
+            // What it changed was drawn already: once more, or it would show with the next event.
+            ctx.request_repaint();
+        }
+        // Tab hides the panels where no control has the focus; it must not give it to one then.
+        if !had_focus && ctx.input(|i| i.key_pressed(egui::Key::Tab)) {
+            ctx.memory_mut(|m| {
+                if let Some(id) = m.focused() {
+                    m.surrender_focus(id);
+                }
+            });
+        }
+        self.ask_before_closing(&ctx);
+        self.remember_size(&ctx);
+        self.tell_title(&ctx);
+        if self.desk.redraw != Redraw::Nothing {
+            ctx.request_repaint();
+        }
+    }
+
+    fn menu_bar(&mut self, ui: &mut Ui) {
+        let frame = Frame::new()
+            .fill(Palette::of(ui).header)
+            .inner_margin(Margin::symmetric(8, 3));
+        Panel::top("menu")
+            .frame(frame)
+            .show_separator_line(false)
+            .show(ui, |ui| {
+                egui::MenuBar::new().ui(ui, |ui| {
+                    for (name, group) in [
+                        ("File", Group::File),
+                        ("Edit", Group::Edit),
+                        ("Layer", Group::Layer),
+                        ("View", Group::View),
+                        ("3D view", Group::Viewport),
+                        ("Window", Group::Window),
+                    ] {
+                        ui.menu_button(name, |ui| {
+                            ui.set_min_width(230.0);
+                            for action in Action::ALL.iter().filter(|a| a.group() == group) {
+                                menu_item(ui, &mut self.desk, *action);
+                            }
+                        });
+                    }
+                    let palette = Palette::of(ui);
+                    ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                        let document = self.desk.studio.document();
+                        let mark = if document.is_changed() {
+                            " \u{2022}"
+                        } else {
+                            ""
+                        };
+                        ui.label(
+                            egui::RichText::new(format!("{}{mark}", document.title()))
+                                .color(palette.weak),
+                        );
+                        ui.add_space(8.0);
+                        ui.spacing_mut().item_spacing.x = 2.0;
+                        let (undo, redo) = self.desk.studio.history().len();
+                        for (icon, action, steps) in [
+                            (Icon::Redo, Action::Redo, redo),
+                            (Icon::Undo, Action::Undo, undo),
+                        ] {
+                            let tip = self.desk.tip(action);
+                            ui.add_enabled_ui(steps > 0, |ui| {
+                                let button = icon_button(ui, icon, action.name(), 22.0, false);
+                                if button.on_hover_text(tip).clicked() {
+                                    self.desk.ask(action);
+                                }
+                            });
+                        }
+                    });
+                });
+            });
+    }
+
+    fn panels(&mut self, ui: &mut Ui) {
+        let palette = Palette::of(ui);
+        let fill = ui.visuals().panel_fill;
+        let bar = Frame::new()
+            .fill(fill)
+            .inner_margin(Margin::symmetric(12, 5));
+        Panel::top("tool")
+            .frame(bar)
+            .show_separator_line(true)
+            .show(ui, |ui| {
+                ui.horizontal(|ui| tools::bar(ui, &mut self.desk));
+            });
+        let line = Frame::new()
+            .fill(palette.header)
+            .inner_margin(Margin::symmetric(12, 3));
+        Panel::bottom("status")
+            .frame(line)
+            .show_separator_line(false)
+            .show(ui, |ui| {
+                ui.horizontal(|ui| {
+                    status::show(
+                        ui,
+                        &self.desk,
+                        self.canvas.zoom(),
+                        self.canvas.probe.as_ref().or(self.viewport.probe.as_ref()),
+                    )
+                });
+            });
+        let plain = Frame::new().fill(fill);
+        Panel::left("tools")
+            .frame(plain)
+            .resizable(false)
+            .exact_size(theme::TOOLS)
+            .show(ui, |ui| {
+                tools::column(ui, &mut self.desk);
+            });
+        Panel::right("side")
+            .frame(plain)
+            .default_size(theme::SIDE)
+            .size_range(240.0..=520.0)
+            .show(ui, |ui| {
+                ui.spacing_mut().item_spacing.y = 0.0;
+                let room = ui.available_height();
+                Panel::top("layers")
+                    .frame(plain)
+                    .resizable(true)
+                    .default_size(room * 0.36)
+                    .size_range(96.0..=(room - 140.0).max(120.0))
+                    .show(ui, |ui| {
+                        egui::ScrollArea::vertical()
+                            .auto_shrink(false)
+                            .show(ui, |ui| self.layers.show(ui, &mut self.desk));
+                    });
+                self.properties.show(ui, &mut self.desk);
+            });
+    }
+
+    /// Canvas and 3D view, with a line between them that can be dragged.
+    fn panes(&mut self, ui: &mut Ui) {
+        let frame = Frame::new().fill(Palette::of(ui).line);
+        CentralPanel::default().frame(frame).show(ui, |ui| {
+            ui.spacing_mut().item_spacing = vec2(0.0, 0.0);
+            let rect = ui.available_rect_before_wrap();
+            match self.desk.panes {
+                Panes::Canvas => self.canvas.show(ui, &mut self.desk),
+                Panes::Viewport => self.viewport.show(ui, &mut self.desk),
+                Panes::Both => {
+                    let middle = self.divider(ui, rect);
+                    let left = Rect::from_min_max(rect.min, pos2(middle - 2.0, rect.bottom()));
+                    let right = Rect::from_min_max(pos2(middle + 2.0, rect.top()), rect.max);
+                    let mut child =
+                        ui.new_child(egui::UiBuilder::new().id_salt("canvas").max_rect(left));
+                    child.set_clip_rect(left);
+                    self.canvas.show(&mut child, &mut self.desk);
+                    let mut child =
+                        ui.new_child(egui::UiBuilder::new().id_salt("viewport").max_rect(right));
+                    child.set_clip_rect(right);
+                    self.viewport.show(&mut child, &mut self.desk);
+                }
+            }
+        });
+    }
+
+    fn divider(&mut self, ui: &mut Ui, rect: Rect) -> f32 {
+        let middle = (rect.left() + rect.width() * self.desk.split).round();
+        let handle = Rect::from_x_y_ranges((middle - 4.0)..=(middle + 4.0), rect.y_range());
+        let response = ui.interact(handle, Id::unique("divider"), Sense::drag());
+        if response.dragged() {
+            let moved = response.drag_delta().x / rect.width().max(1.0);
+            self.desk.split = (self.desk.split + moved).clamp(0.2, 0.8);
+        }
+        if response.hovered() || response.dragged() {
+            ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
+            let line = Rect::from_x_y_ranges((middle - 2.0)..=(middle + 2.0), rect.y_range());
+            ui.painter().rect_filled(
+                line,
+                CornerRadius::ZERO,
+                Palette::of(ui).accent.gamma_multiply(0.6),
+            );
+        }
+        middle
+    }
+
+    /// The line that explains the first scene, until it is closed.
+    fn hint(&mut self, ui: &Ui) {
+        if self.desk.settings.hint_closed || self.desk.panes == Panes::Viewport {
+            return;
+        }
+        let keys = |a: Action| self.desk.keymap.keys_text(a);
+        let text = format!(
+            "Drag over the map or the pot to brush it. Turn the pot with {}, its light with Shift and the right button. {} lists all keys, {} has more surfaces.",
+            if self.desk.settings.navigation == orbit::Preset::Alt {
+                "Alt"
+            } else {
+                "the middle button"
+            },
+            keys(Action::Shortcuts),
+            keys(Action::Presets),
+        );
+        let at = self.canvas.rect.left_top() + vec2(12.0, 12.0);
+        // The ball of the light is in the upper right corner.
+        let width = (self.canvas.rect.width() - 150.0).clamp(200.0, 480.0);
+        let area = egui::Area::new(Id::unique("hint"))
+            .order(egui::Order::Middle)
+            .pivot(egui::Align2::LEFT_TOP)
+            .fixed_pos(at);
+        area.show(ui.ctx(), |ui| {
+            let palette = Palette::of(ui);
+            let frame = Frame::new()
+                .fill(ui.visuals().window_fill)
+                .corner_radius(6)
+                .inner_margin(Margin::symmetric(12, 8))
+                .shadow(ui.visuals().popup_shadow);
+            frame.show(ui, |ui| {
+                ui.set_max_width(width);
+                ui.horizontal_top(|ui| {
+                    ui.scope(|ui| {
+                        ui.set_max_width(width - 40.0);
+                        ui.add(
+                            egui::Label::new(egui::RichText::new(text).color(palette.text)).wrap(),
+                        );
+                    });
+                    if icon_button(ui, Icon::Close, "Close hint", 20.0, false)
+                        .on_hover_text("Closes the hint for good.")
+                        .clicked()
+                    {
+                        self.desk.settings.hint_closed = true;
+                        self.desk.save_settings();
+                    }
+                });
+            });
+        });
+    }
+
+    fn tell_title(&mut self, ctx: &Context) {
+        let document = self.desk.studio.document();
+        let mark = if document.is_changed() { "*" } else { "" };
+        let title = format!("{}{mark} \u{2013} anisomap", document.title());
+        if title != self.title {
+            ctx.send_viewport_cmd(ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
+    }
+
+    /// Does what an action says.
+    pub(crate) fn perform(&mut self, ui: &Ui, action: Action) {
+        let desk = &mut self.desk;
+        if let Some(kind) = ToolKind::ALL.into_iter().find(|k| k.action() == action) {
+            self.canvas.cancel(desk);
+            desk.hand.take(kind);
+            return;
+        }
+        if let Some(kind) = Kind::ALL.into_iter().find(|k| k.action() == action) {
+            self.canvas.kind = kind;
+            return;
+        }
+        match action.group() {
+            Group::Brush => self.perform_brush(ui, action),
+            Group::Layer => self.perform_layer(action),
+            Group::View => self.perform_view(action),
+            Group::Viewport => self.perform_viewport(action),
+            Group::Window => self.perform_window(ui.ctx(), action),
+            Group::Edit => self.perform_edit(action),
+            Group::File => self.perform_file(ui, action),
+            Group::Tool => {}
+        }
+    }
+
+    fn perform_edit(&mut self, action: Action) {
+        let desk = &mut self.desk;
+        match action {
+            Action::Undo | Action::Redo => {
+                if self.canvas.cancel(desk) || self.viewport.cancel(desk) {
+                    return; // the stroke in flight is what is taken back
+                }
+                let done = if action == Action::Undo {
+                    desk.studio.undo()
+                } else {
+                    desk.studio.redo()
+                };
+                if desk.told(done) == Some(false) {
+                    desk.messages
+                        .news(format!("Nothing to {}", action.name().to_lowercase()));
+                }
+                desk.redraw = desk.redraw.or(Redraw::Sharp);
+            }
+            Action::Cancel => {
+                self.canvas.cancel(desk);
+                self.viewport.cancel(desk);
+            }
+            Action::Settings => self.dialog = Some(Dialog::Settings),
+            _ => {}
+        }
+    }
+
+    fn perform_brush(&mut self, ui: &Ui, action: Action) {
+        let hand = &mut self.desk.hand;
+        match action {
+            Action::SizeDown => hand.resize(-1.0),
+            Action::SizeUp => hand.resize(1.0),
+            Action::HardnessDown => hand.harden(-1.0),
+            Action::HardnessUp => hand.harden(1.0),
+            Action::FlowDown => hand.change_flow(-1.0),
+            Action::FlowUp => hand.change_flow(1.0),
+            Action::SwapAlphas => hand.swap_alphas(),
+            Action::ToggleMirror => {
+                hand.mirror = if hand.mirror == Mirror::Off {
+                    Mirror::U
+                } else {
+                    Mirror::Off
+                };
+            }
+            Action::ToggleRadial => hand.copies = if hand.copies >= 2 { 0 } else { 6 },
+            Action::ToggleStabiliser => {
+                hand.stabiliser = if hand.stabiliser > 0.0 { 0.0 } else { 0.4 }
+            }
+            Action::DragSize => self.canvas.begin_adjusting(ui, &self.desk, false),
+            Action::DragFlow => self.canvas.begin_adjusting(ui, &self.desk, true),
+            _ => {}
+        }
+    }
+
+    fn perform_layer(&mut self, action: Action) {
+        let desk = &mut self.desk;
+        let at = desk.studio.selected();
+        let count = desk.studio.recipe().layers.len();
+        let done = match action {
+            Action::NewPaintLayer => desk.studio.add_paint_layer(),
+            Action::DuplicateLayer => desk.studio.duplicate_layer(at),
+            Action::MergeDown => desk.studio.merge_down(at),
+            Action::NewGuideLayer => {
+                desk.hand.take(ToolKind::Guide);
+                desk.studio.add_layer(guides::layer())
+            }
+            Action::DeleteLayer => {
+                let mut hand = std::mem::take(&mut desk.guides);
+                // With the guide tool in the hand it is the guide that is meant.
+                let guide = desk.hand.kind() == ToolKind::Guide && hand.delete(desk);
+                desk.guides = hand;
+                if guide {
+                    Ok(())
+                } else {
+                    desk.studio.remove_layer(at)
+                }
+            }
+            Action::RaiseLayer if at + 1 < count => desk.studio.move_layer(at, at + 1),
+            Action::LowerLayer if at > 0 => desk.studio.move_layer(at, at - 1),
+            Action::RenameLayer => {
+                self.layers.rename(desk);
+                Ok(())
+            }
+            Action::SelectAbove => {
+                desk.studio.select(at + 1);
+                Ok(())
+            }
+            Action::SelectBelow => {
+                desk.studio.select(at.saturating_sub(1));
+                Ok(())
+            }
+            Action::ToggleLayer => {
+                desk.edit_head(at, "Show or hide layer", None, |h| h.visible = !h.visible);
+                Ok(())
+            }
+            Action::SoloLayer => {
+                desk.toggle_solo();
+                Ok(())
+            }
+            _ => Ok(()),
+        };
+        desk.told(done);
+        desk.redraw = desk.redraw.or(Redraw::Sharp);
+    }
+
+    fn perform_view(&mut self, action: Action) {
+        match action {
+            Action::CycleView => {
+                let at = Kind::ALL
+                    .iter()
+                    .position(|k| *k == self.canvas.kind)
+                    .unwrap_or(0);
+                self.canvas.kind = Kind::ALL[(at + 1) % Kind::ALL.len()];
+            }
+            Action::ViewLit => self.canvas.kind = Kind::Lit,
+            Action::ToggleWrap => self.canvas.wrap = !self.canvas.wrap,
+            Action::CanvasFit => self.canvas.fit(&self.desk),
+            Action::ActualTexels => self.canvas.actual_texels(),
+            Action::ZoomIn => self.canvas.zoom_by(1.25),
+            Action::ZoomOut => self.canvas.zoom_by(0.8),
+            _ => {}
+        }
+    }
+
+    fn perform_viewport(&mut self, action: Action) {
+        let desk = &mut self.desk;
+        let exposure = desk.studio.scene().exposure;
+        match action {
+            Action::FrameAll => {
+                desk.studio.frame_all();
+                self.canvas.fit(desk);
+            }
+            Action::NextMesh => {
+                let at = MESHES
+                    .iter()
+                    .position(|m| *m == desk.studio.mesh().name)
+                    .unwrap_or(MESHES.len() - 1);
+                set_mesh(desk, MESHES[(at + 1) % MESHES.len()]);
+            }
+            Action::NextModel => self.viewport.next_model(desk),
+            Action::Compare => self.viewport.toggle_compare(desk, false),
+            Action::Difference => self.viewport.toggle_compare(desk, true),
+            Action::ResetLight => set_lights(desk, Rig::Studio),
+            Action::ExposureDown => set_exposure(desk, exposure - 1.0 / 3.0),
+            Action::ExposureUp => set_exposure(desk, exposure + 1.0 / 3.0),
+            _ => {}
+        }
+        desk.redraw = desk.redraw.or(Redraw::Sharp);
+    }
+
+    fn perform_window(&mut self, ctx: &Context, action: Action) {
+        let desk = &mut self.desk;
+        match action {
+            Action::Shortcuts => self.dialog = Some(Dialog::Shortcuts(Help::default())),
+            Action::ShowBoth => desk.panes = Panes::Both,
+            Action::ShowCanvas => desk.panes = Panes::Canvas,
+            Action::ShowViewport => desk.panes = Panes::Viewport,
+            Action::TogglePanels => desk.panels = !desk.panels,
+            Action::ToggleHistory => self.properties.leaf = Leaf::History,
+            Action::ToggleTheme => {
+                desk.settings.theme = match ctx.theme() {
+                    egui::Theme::Dark => Theme::Light,
+                    egui::Theme::Light => Theme::Dark,
+                };
+                theme::choose(ctx, desk.settings.theme);
+                desk.save_settings();
+            }
+            Action::FullScreen => {
+                let full = ctx.input(|i| i.viewport().fullscreen.unwrap_or(false));
+                ctx.send_viewport_cmd(ViewportCommand::Fullscreen(!full));
+            }
+            Action::ScaleUp | Action::ScaleDown => {
+                let factor = if action == Action::ScaleUp {
+                    1.1
+                } else {
+                    1.0 / 1.1
+                };
+                desk.settings.scale = (desk.settings.scale * factor).clamp(0.5, 4.0);
+                ctx.set_zoom_factor(desk.settings.scale);
+                desk.save_settings();
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Documents and files.
+impl App {
+    fn perform_file(&mut self, ui: &Ui, action: Action) {
+        let here = self.here();
+        match action {
+            Action::New => self.leave_for(ui.ctx(), Then::New),
+            Action::Open => self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Open, here))),
+            Action::Presets => self.dialog = Some(Dialog::Presets(PresetBrowser::default())),
+            Action::Save => match self.desk.studio.document().path().map(Path::to_owned) {
+                Some(path) => self.save(ui.ctx(), &path),
+                None => self.ask_where_to_save(Purpose::SaveAs),
+            },
+            Action::SaveAs => self.ask_where_to_save(Purpose::SaveAs),
+            Action::Import => {
+                self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Import, here)))
+            }
+            Action::LoadMesh => {
+                self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Mesh, here)))
+            }
+            Action::Export => {
+                self.dialog = Some(Dialog::Export(Box::new(ExportDialog::new(&self.desk))))
+            }
+            Action::ExportAgain => {
+                let mut export = ExportDialog::new(&self.desk);
+                // Where nothing was ever written, the dialog asks first.
+                if self.desk.settings.export.folder.is_some() {
+                    export.begin(ui, &mut self.desk);
+                }
+                self.dialog = Some(Dialog::Export(Box::new(export)));
+            }
+            Action::Quit => self.leave_for(ui.ctx(), Then::Quit),
+            _ => {}
+        }
+    }
+
+    /// The folder that dialogs begin in: the document's own, or where the user is.
+    fn here(&self) -> PathBuf {
+        let own = self
+            .desk
+            .studio
+            .document()
+            .path()
+            .and_then(Path::parent)
+            .filter(|p| !p.as_os_str().is_empty());
+        let recent = self
+            .desk
+            .settings
+            .recent
+            .first()
+            .and_then(|p| p.parent())
+            .filter(|p| p.is_dir());
+        own.or(recent)
+            .map(Path::to_owned)
+            .or_else(|| std::env::current_dir().ok())
+            .unwrap_or_default()
+    }
+
+    fn ask_where_to_save(&mut self, purpose: Purpose) {
+        let document = self.desk.studio.document();
+        let start = document.path().map(Path::to_owned).unwrap_or_else(|| {
+            let title = document.title();
+            let name = if title.is_empty() {
+                "untitled".to_owned()
+            } else {
+                title
+            };
+            self.here()
+                .join(format!("{}.toml", name.trim_end_matches(".toml")))
+        });
+        self.dialog = Some(Dialog::File(FileDialog::new(purpose, start)));
+    }
+
+    pub(crate) fn save(&mut self, ctx: &Context, path: &Path) {
+        let saved = self.desk.studio.save(path);
+        if self.desk.told(saved).is_none() {
+            self.after_saving = None;
+            return;
+        }
+        self.watch.look_after(Some(path), ctx);
+        self.desk.messages.news(format!("Saved {}", path.display()));
+        self.desk.settings.remember(path);
+        self.desk.save_settings();
+        if let Some(then) = self.after_saving.take() {
+            self.go(ctx, then);
+        }
+    }
+
+    /// Does what takes the work at hand away, or asks first where it is not saved.
+    fn leave_for(&mut self, ctx: &Context, then: Then) {
+        self.canvas.cancel(&mut self.desk);
+        if self.desk.studio.document().is_changed() {
+            self.dialog = Some(Dialog::Unsaved(then));
+        } else {
+            self.go(ctx, then);
+        }
+    }
+
+    fn grant(&mut self, ctx: &Context, wish: Wish) {
+        match wish {
+            Wish::Go(then) => self.go(ctx, then),
+            Wish::Leave(then) => self.leave_for(ctx, then),
+            Wish::SaveThen(then) => {
+                self.after_saving = Some(then);
+                match self.desk.studio.document().path().map(Path::to_owned) {
+                    Some(path) => self.save(ctx, &path),
+                    None => self.ask_where_to_save(Purpose::SaveThen),
+                }
+            }
+            Wish::Chosen(purpose, path) => self.take_path(ctx, purpose, &path),
+            Wish::Recover(left) => {
+                let options = self.options();
+                let recovered = Studio::recover(*left, options);
+                if let Some((studio, count)) = self.desk.told(recovered) {
+                    self.show_studio(studio);
+                    self.desk
+                        .messages
+                        .news(format!("{count} changes recovered; save them to keep them"));
+                }
+            }
+            Wish::Begin(file) => self.begin(*file, None),
+        }
+    }
+
+    fn take_path(&mut self, ctx: &Context, purpose: Purpose, path: &Path) {
+        match purpose {
+            Purpose::Open => self.open_path(ctx, path),
+            Purpose::SaveAs | Purpose::SaveThen => self.save(ctx, path),
+            Purpose::Import => self.import(path),
+            Purpose::Mesh => self.load_mesh(path),
+            Purpose::ExportFolder => {}
+        }
+    }
+
+    /// A recipe takes the place of the document, a map becomes a layer, a mesh is shown.
+    fn open_path(&mut self, ctx: &Context, path: &Path) {
+        let ending = path
+            .extension()
+            .map_or(String::new(), |e| e.to_string_lossy().to_lowercase());
+        match ending.as_str() {
+            "exr" => self.import(path),
+            "glb" | "gltf" | "obj" => self.load_mesh(path),
+            _ => self.leave_for(ctx, Then::Open(path.to_owned())),
+        }
+    }
+
+    fn take_dropped(&mut self, ctx: &Context) {
+        let dropped = ctx.input(|i| i.raw.dropped_files.clone());
+        if let Some(path) = dropped.first().map(|f| f.path().to_owned()) {
+            self.open_path(ctx, &path);
+        }
+    }
+
+    /// Does what had to wait.
+    fn go(&mut self, ctx: &Context, then: Then) {
+        match then {
+            Then::Quit => {
+                self.may_close = true;
+                ctx.send_viewport_cmd(ViewportCommand::Close);
+            }
+            Then::New => self.dialog = Some(Dialog::New(NewDocument::default())),
+            Then::Preset(preset) => {
+                let file = preset.recipe();
+                if let Some(file) = self.desk.told(file) {
+                    self.begin(file, None);
+                }
+            }
+            Then::Open(path) => {
+                let file = RecipeFile::read(&path);
+                if let Some(file) = self.desk.told(file) {
+                    if file.is_read_only() {
+                        let ignored = file.ignored().join(", ");
+                        self.desk.messages.error(format!("{} is of a newer version and can only be looked at. Ignored: {ignored}", path.display()));
+                    }
+                    self.desk.settings.remember(&path);
+                    self.desk.save_settings();
+                    self.watch.look_after(Some(&path), ctx);
+                    self.begin(file, Some(path));
+                }
+            }
+        }
+    }
+
+    /// Shows what another program made of the document's file, unless there is work that the file does not have.
+    fn follow_file(&mut self) {
+        if !self.watch.changed() {
+            return;
+        }
+        let document = self.desk.studio.document();
+        let Some(path) = document.path().map(Path::to_owned) else {
+            return;
+        };
+        if document.is_changed() {
+            let text = format!(
+                "{} was changed by another program. Your work is as it was; save it under another name, or open the file again",
+                path.display()
+            );
+            self.desk.messages.error(text);
+            return;
+        }
+        let file = RecipeFile::read(&path);
+        if let Some(file) = self.desk.told(file) {
+            self.begin(file, Some(path));
+            self.desk
+                .messages
+                .news("The file was changed by another program, and read again");
+        }
+    }
+
+    fn options(&self) -> Options {
+        Options {
+            journals: self.desk.folders.as_ref().map(|f| f.recovery.clone()),
+            undo_bytes: self.desk.settings.undo_bytes(),
+        }
+    }
+
+    fn begin(&mut self, file: RecipeFile, path: Option<PathBuf>) {
+        let studio = Studio::new(file, path, self.options());
+        if let Some(studio) = self.desk.told(studio) {
+            self.show_studio(studio);
+        }
+    }
+
+    /// Puts another document in the place of this one, whose changes are saved or not wanted.
+    fn show_studio(&mut self, studio: Studio) {
+        let show = self.desk.studio.viewport().show();
+        let size = self.desk.studio.viewport().size();
+        let before = std::mem::replace(&mut self.desk.studio, studio);
+        before.close();
+        let viewport = self.desk.studio.viewport_mut();
+        viewport.resize(size);
+        viewport.set_show(show);
+        self.canvas.forget();
+        self.desk.redraw = Redraw::Sharp;
+    }
+
+    /// A map from a file as a layer. It is copied beside the recipe, which names files of its own folder alone.
+    fn import(&mut self, path: &Path) {
+        let imported = self.copied(path).map(|file| Layer {
+            name: path
+                .file_stem()
+                .map_or(String::new(), |s| s.to_string_lossy().into_owned()),
+            ..Layer::new(Source::Image(Image { file }))
+        });
+        if let Some(layer) = self.desk.told(imported) {
+            let added = self.desk.studio.add_layer(layer);
+            self.desk.told(added);
+        }
+    }
+
+    fn load_mesh(&mut self, path: &Path) {
+        let copied = mesh::load(path).and_then(|_| self.copied(path));
+        if let Some(file) = self.desk.told(copied) {
+            set_mesh(&mut self.desk, &file);
+        }
+    }
+
+    /// What the recipe calls a file; one outside its folder is copied there.
+    fn copied(&self, path: &Path) -> Result<String, Error> {
+        let document = self.desk.studio.document();
+        let Some(folder) = document.path().and_then(Path::parent) else {
+            return Err(Error::file(
+                path,
+                "a document that was never saved has no folder to name files in",
+            )
+            .with_hint("Save the document first"));
+        };
+        let folder = if folder.as_os_str().is_empty() {
+            Path::new(".")
+        } else {
+            folder
+        };
+        let name = path
+            .file_name()
+            .ok_or_else(|| Error::file(path, "it is no file"))?;
+        let real = path.canonicalize().map_err(Error::read(path))?;
+        let home = folder.canonicalize().map_err(Error::read(folder))?;
+        if let Ok(inside) = real.strip_prefix(&home) {
+            return Ok(inside.to_string_lossy().replace('\\', "/"));
+        }
+        let beside = folder.join(name);
+        if beside.exists() {
+            return Err(Error::file(
+                &beside,
+                "a file of this name lies beside the recipe already",
+            )
+            .with_hint("Rename one of them"));
+        }
+        let bytes = std::fs::read(&real).map_err(Error::read(&real))?;
+        write_atomic(&beside, |out| out.write_all(&bytes))?;
+        Ok(name.to_string_lossy().into_owned())
+    }
+
+    /// The next window is as large as this one.
+    fn remember_size(&mut self, ctx: &Context) {
+        let (size, large) = ctx.input(|i| {
+            let viewport = i.viewport();
+            let large = viewport.maximized.unwrap_or(false) || viewport.fullscreen.unwrap_or(false);
+            (viewport.inner_rect.map(|r| r.size()), large)
+        });
+        if let Some(size) = size.filter(|s| !large && s.x > 1.0 && s.y > 1.0) {
+            self.desk.settings.window = (size * ctx.zoom_factor()).into();
+        }
+    }
+
+    /// Holds the window open while work is not saved.
+    fn ask_before_closing(&mut self, ctx: &Context) {
+        if !ctx.input(|i| i.viewport().close_requested()) || self.may_close {
+            return;
+        }
+        if self.desk.studio.document().is_changed() {
+            ctx.send_viewport_cmd(ViewportCommand::CancelClose);
+            self.dialog = Some(Dialog::Unsaved(Then::Quit));
+        } else {
+            self.may_close = true;
+        }
+    }
+}
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        self.frame(ui);
+    }
+
+    fn on_exit(&mut self, _gl: Option<&eframe::glow::Context>) {
+        self.desk.save_settings();
+        // Closed with leave: nothing is left to recover.
+        if self.may_close
+            && let Ok(empty) = NewDocument::empty_studio()
+        {
+            std::mem::replace(&mut self.desk.studio, empty).close();
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! What all parts of the window share: the studio, the tool in the hand, settings, messages, and the actions that were asked for.
+
+use super::guides::GuideHand;
+use super::messages::Messages;
+use anisomap::Error;
+use anisomap::map::Rect;
+use anisomap::recipe::Layer;
+use anisomap::studio::action::Action;
+use anisomap::studio::hand::Hand;
+use anisomap::studio::keymap::Keymap;
+use anisomap::studio::settings::{Folders, Settings};
+use anisomap::studio::{Edit, LayerHead, Studio, Tick};
+use eframe::egui::Context;
+use std::time::Duration;
+
+/// Which pictures are shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Panes {
+    #[default]
+    Both,
+    Canvas,
+    Viewport,
+}
+
+/// What the map underwent since the last frame, for whoever shows it.
+#[derive(Default)]
+pub(crate) struct News {
+    pub(crate) map: Vec<Rect>,
+    pub(crate) new_map: bool,
+    pub(crate) picture: bool,
+}
+
+/// What all parts of the window share.
+pub(crate) struct Desk {
+    pub(crate) studio: Studio,
+    pub(crate) hand: Hand,
+    /// The hand on the guides of the selected layer.
+    pub(crate) guides: GuideHand,
+    pub(crate) keymap: Keymap,
+    pub(crate) settings: Settings,
+    /// Where settings are kept; `None` keeps none.
+    pub(crate) folders: Option<Folders>,
+    pub(crate) messages: Messages,
+    /// Whether the desktop may be asked for files.
+    pub(crate) native_dialogs: bool,
+    pub(crate) panes: Panes,
+    pub(crate) panels: bool,
+    /// The part of the width that the canvas has, beside the 3D view.
+    pub(crate) split: f32,
+    /// How far the work in the background is.
+    pub(crate) working: Option<f32>,
+    pub(crate) news: News,
+    /// How long the last drawing of the 3D picture took that changed anything.
+    pub(crate) draw_time: Option<Duration>,
+    /// Whether the 3D picture has to be drawn again, and whether by a hand that still moves.
+    pub(crate) redraw: Redraw,
+    asked: Vec<Action>,
+    strokes: u32,
+}
+
+/// What the 3D picture needs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Redraw {
+    #[default]
+    Nothing,
+    /// A part or all of it, sharp.
+    Sharp,
+    /// All of it, in a hurry.
+    Moving,
+}
+
+impl Desk {
+    pub(crate) fn new(
+        studio: Studio,
+        settings: Settings,
+        keymap: Keymap,
+        folders: Option<Folders>,
+    ) -> Self {
+        Self {
+            studio,
+            hand: Hand::default(),
+            guides: GuideHand::default(),
+            keymap,
+            settings,
+            folders,
+            messages: Messages::default(),
+            native_dialogs: true,
+            panes: Panes::default(),
+            panels: true,
+            split: 0.5,
+            working: None,
+            news: News::default(),
+            draw_time: None,
+            redraw: Redraw::Sharp,
+            asked: Vec::new(),
+            strokes: 0,
+        }
+    }
+
+    /// Asks for an action: it is done at the end of the frame.
+    pub(crate) fn ask(&mut self, action: Action) {
+        self.asked.push(action);
+    }
+
+    /// The actions that were asked for.
+    pub(crate) fn take_asked(&mut self) -> Vec<Action> {
+        std::mem::take(&mut self.asked)
+    }
+
+    /// Takes over what the background has finished.
+    pub(crate) fn tick(&mut self, ctx: &Context) {
+        let Tick {
+            map,
+            new_map,
+            picture,
+            working,
+        } = self.studio.tick();
+        self.working = working;
+        if new_map || !map.is_empty() {
+            self.redraw = self.redraw.or(Redraw::Sharp);
+            ctx.request_repaint();
+        }
+        self.news = News {
+            map,
+            new_map,
+            picture,
+        };
+        for error in self.studio.take_trouble() {
+            self.messages.error(error);
+        }
+        if self.working.is_some() {
+            ctx.request_repaint_after(Duration::from_millis(40));
+        } else if self.studio.viewport().is_refining() {
+            ctx.request_repaint_after(Duration::from_millis(120));
+        }
+    }
+
+    /// Tells an error, where there is one; gives the rest.
+    pub(crate) fn told<T>(&mut self, result: Result<T, Error>) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(Error::Cancelled) => None,
+            Err(error) => {
+                self.messages.error(error);
+                None
+            }
+        }
+    }
+
+    /// Makes edits as one step; see [`Studio::edit`]. `true` when they were made.
+    pub(crate) fn edit(&mut self, label: &str, edits: Vec<Edit>, key: Option<&str>) -> bool {
+        let done = self.studio.edit(label, edits, key);
+        self.redraw = self.redraw.or(Redraw::Sharp);
+        self.told(done).is_some()
+    }
+
+    /// Changes what a layer has beside its source.
+    pub(crate) fn edit_head(
+        &mut self,
+        at: usize,
+        label: &str,
+        key: Option<&str>,
+        change: impl FnOnce(&mut LayerHead),
+    ) {
+        let Some(layer) = self.studio.recipe().layers.get(at) else {
+            return;
+        };
+        let mut head = Box::new(LayerHead::of(layer));
+        let before = head.clone();
+        change(&mut head);
+        if head != before {
+            self.edit(label, vec![Edit::SetHead { at, head }], key);
+        }
+    }
+
+    /// Shows the selected layer alone, or all again.
+    pub(crate) fn toggle_solo(&mut self) {
+        let solo = match self.studio.solo() {
+            Some(_) => None,
+            None => Some(self.studio.selected()),
+        };
+        self.studio.set_solo(solo);
+    }
+
+    /// Sees to it that the selected layer takes strokes: where it does not, there is a paint layer above it from now on.
+    pub(crate) fn ready_layer(&mut self) -> bool {
+        let layers = &self.studio.recipe().layers;
+        let takes = |l: &Layer| l.source.name() == "strokes";
+        if layers.get(self.studio.selected()).is_some_and(takes) {
+            return true;
+        }
+        let added = self.studio.add_paint_layer();
+        self.told(added).is_some()
+    }
+
+    /// A number for the chance in the next stroke.
+    pub(crate) fn stroke_seed(&mut self) -> u32 {
+        self.strokes = self.strokes.wrapping_add(0x9e37_79b9);
+        self.strokes
+    }
+
+    /// Ends the stroke in flight; tells why where nothing was painted.
+    pub(crate) fn end_stroke(&mut self) {
+        let ended = self.studio.end_stroke();
+        if self.told(ended) == Some(false) && self.hand.brush().tool.follows_stroke() {
+            let name = self.hand.kind().name();
+            self.messages.news(format!(
+                "{name} follows the stroke: drag to give it a direction"
+            ));
+        }
+    }
+
+    /// Writes the settings; what goes wrong is told.
+    pub(crate) fn save_settings(&mut self) {
+        if let Some(folders) = &self.folders {
+            let saved = self.settings.save(&folders.settings());
+            self.told(saved);
+        }
+    }
+
+    /// The tooltip of an action.
+    pub(crate) fn tip(&self, action: Action) -> String {
+        self.keymap.tooltip(action)
+    }
+}
+
+impl Redraw {
+    /// The greater need of two.
+    pub(crate) fn or(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Moving, _) | (_, Self::Moving) => Self::Moving,
+            (Self::Sharp, _) | (_, Self::Sharp) => Self::Sharp,
+            _ => Self::Nothing,
+        }
+    }
+}

@@ -1,0 +1,471 @@
+//! The dialogs: files, unsaved work, recovered work, a new document, settings. One is open at a time.
+
+use super::desk::Desk;
+use super::export::{ExportDialog, Wish as ExportWish};
+use super::files::{FileDialog, Purpose};
+use super::help::Help;
+use super::presets::{PresetBrowser, Wish as PresetWish};
+use super::properties::memory;
+use super::theme::{self, Palette};
+use super::widgets::{Bar, caption, choices};
+use anisomap::Error;
+use anisomap::map::Size;
+use anisomap::recipe::{Preset, Recipe, RecipeFile};
+use anisomap::studio::orbit;
+use anisomap::studio::settings::Theme;
+use anisomap::studio::{LeftBehind, Options, Studio};
+use eframe::egui::{self, Context, Id, Modal, RichText, Ui};
+use std::path::PathBuf;
+
+/// What is done once the work at hand is out of danger.
+#[derive(Clone, Debug)]
+pub(crate) enum Then {
+    /// The window closes.
+    Quit,
+    /// Another document takes its place.
+    Open(PathBuf),
+    /// A preset takes its place.
+    Preset(&'static Preset),
+    /// An empty document takes its place.
+    New,
+}
+
+/// The dialog that is open.
+pub(crate) enum Dialog {
+    File(FileDialog),
+    Export(Box<ExportDialog>),
+    /// The folder of an export is being chosen; the export waits.
+    ExportFolder(Box<ExportDialog>, FileDialog),
+    Unsaved(Then),
+    Recover(Vec<LeftBehind>),
+    New(NewDocument),
+    Settings,
+    Presets(PresetBrowser),
+    Shortcuts(Help),
+}
+
+/// What a dialog asks the window to do.
+pub(crate) enum Wish {
+    /// Saves, and then goes on.
+    SaveThen(Then),
+    /// Goes on without saving.
+    Go(Then),
+    /// Goes on, or asks first where work is not saved.
+    Leave(Then),
+    /// A path was chosen.
+    Chosen(Purpose, PathBuf),
+    /// A journal's work is taken up.
+    Recover(Box<LeftBehind>),
+    /// A document is begun.
+    Begin(Box<RecipeFile>),
+}
+
+/// What a new document is to be.
+pub(crate) struct NewDocument {
+    side: u32,
+    aspect: f64,
+    mesh: usize,
+}
+
+impl Default for NewDocument {
+    fn default() -> Self {
+        Self {
+            side: 1024,
+            aspect: 1.0,
+            mesh: 0,
+        }
+    }
+}
+
+impl Dialog {
+    /// A name for the part of the screen it has.
+    fn id(&self) -> &'static str {
+        match self {
+            Self::File(_) | Self::ExportFolder(..) => "file dialog",
+            Self::Export(_) => "export dialog",
+            Self::Unsaved(_) => "unsaved dialog",
+            Self::Recover(_) => "recover dialog",
+            Self::New(_) => "new dialog",
+            Self::Settings => "settings dialog",
+            Self::Presets(_) => "presets dialog",
+            Self::Shortcuts(_) => "shortcuts dialog",
+        }
+    }
+
+    /// Whether Escape and a click beside it close it.
+    fn may_close(&self) -> bool {
+        match self {
+            Self::Export(export) => !export.is_working(),
+            Self::Recover(_) => false,
+            _ => true,
+        }
+    }
+}
+
+/// Shows the dialog that is open, if one is; gives what it asks for.
+pub(crate) fn show(ctx: &Context, open: &mut Option<Dialog>, desk: &mut Desk) -> Option<Wish> {
+    let mut dialog = open.take()?;
+    let visuals = ctx.global_style().visuals.clone();
+    let frame = egui::Frame::new()
+        .fill(visuals.window_fill)
+        .stroke(visuals.window_stroke)
+        .corner_radius(visuals.window_corner_radius)
+        .shadow(visuals.window_shadow)
+        .inner_margin(18);
+    let modal = Modal::new(Id::unique(dialog.id())).frame(frame);
+    let shown = modal.show(ctx, |ui| {
+        ui.spacing_mut().item_spacing.y = 6.0;
+        contents(ui, &mut dialog, desk)
+    });
+    let (next, wish) = shown.inner;
+    let closed = shown.backdrop_response.clicked()
+        || (shown.is_top_modal && ctx.input(|i| i.key_pressed(egui::Key::Escape)));
+    *open = match next {
+        Next::Stay if closed && dialog.may_close() => None,
+        Next::Stay => Some(dialog),
+        Next::Close => None,
+        Next::Other(build) => Some(build(dialog)),
+    };
+    wish
+}
+
+/// What comes after a dialog.
+enum Next {
+    Stay,
+    Close,
+    Other(fn(Dialog) -> Dialog),
+}
+
+fn contents(ui: &mut Ui, dialog: &mut Dialog, desk: &mut Desk) -> (Next, Option<Wish>) {
+    match dialog {
+        Dialog::File(file) => match file.show(ui, desk) {
+            super::files::Answer::None => (Next::Stay, None),
+            super::files::Answer::Close => (Next::Close, None),
+            super::files::Answer::Path(path) => {
+                (Next::Close, Some(Wish::Chosen(file.purpose(), path)))
+            }
+        },
+        Dialog::ExportFolder(export, file) => match file.show(ui, desk) {
+            super::files::Answer::None => (Next::Stay, None),
+            super::files::Answer::Close => (Next::Other(back_to_export), None),
+            super::files::Answer::Path(path) => {
+                export.folder = path.display().to_string();
+                (Next::Other(back_to_export), None)
+            }
+        },
+        Dialog::Export(export) => match export.show(ui, desk) {
+            ExportWish::Stay => (Next::Stay, None),
+            ExportWish::Close => (Next::Close, None),
+            ExportWish::Browse => (Next::Other(on_to_folder), None),
+        },
+        Dialog::Unsaved(then) => unsaved(ui, desk, then),
+        Dialog::Recover(left) => recover(ui, left),
+        Dialog::New(new) => new_document(ui, desk, new),
+        Dialog::Settings => (settings(ui, desk), None),
+        Dialog::Presets(browser) => match browser.show(ui) {
+            PresetWish::Stay => (Next::Stay, None),
+            PresetWish::Close => (Next::Close, None),
+            PresetWish::Open(preset) => (Next::Close, Some(Wish::Leave(Then::Preset(preset)))),
+        },
+        Dialog::Shortcuts(help) => {
+            let next = if help.show(ui, desk) {
+                Next::Close
+            } else {
+                Next::Stay
+            };
+            (next, None)
+        }
+    }
+}
+
+fn back_to_export(dialog: Dialog) -> Dialog {
+    match dialog {
+        Dialog::ExportFolder(export, _) => Dialog::Export(export),
+        other => other,
+    }
+}
+
+fn on_to_folder(dialog: Dialog) -> Dialog {
+    match dialog {
+        Dialog::Export(export) => {
+            let file = FileDialog::new(Purpose::ExportFolder, PathBuf::from(&export.folder));
+            Dialog::ExportFolder(export, file)
+        }
+        other => other,
+    }
+}
+
+/// A button that stands out: what most people will want.
+pub(crate) fn main_button(ui: &mut Ui, text: &str) -> egui::Response {
+    let palette = Palette::of(ui);
+    ui.add(egui::Button::new(RichText::new(text).color(palette.text)).fill(palette.accent_ground))
+}
+
+fn unsaved(ui: &mut Ui, desk: &Desk, then: &Then) -> (Next, Option<Wish>) {
+    ui.set_width(380.0);
+    let title = desk.studio.document().title();
+    ui.heading(format!("Save the changes to {title}?"));
+    ui.label("They are lost when they are not saved.");
+    ui.add_space(8.0);
+    let mut answer = (Next::Stay, None);
+    ui.horizontal(|ui| {
+        if main_button(ui, "Save").clicked() {
+            answer = (Next::Close, Some(Wish::SaveThen(then.clone())));
+        }
+        if ui.button("Do not save").clicked() {
+            answer = (Next::Close, Some(Wish::Go(then.clone())));
+        }
+        if ui.button("Cancel").clicked() {
+            answer = (Next::Close, None);
+        }
+    });
+    answer
+}
+
+fn recover(ui: &mut Ui, left: &mut Vec<LeftBehind>) -> (Next, Option<Wish>) {
+    ui.set_width(460.0);
+    ui.heading("Work was left behind");
+    ui.label(
+        "The studio did not end in the usual way. What was done until then can be taken up again.",
+    );
+    ui.add_space(4.0);
+    let (mut taken, mut discarded) = (None, None);
+    for (i, one) in left.iter().enumerate() {
+        ui.separator();
+        ui.horizontal(|ui| {
+            let when = one
+                .time
+                .and_then(|t| t.elapsed().ok())
+                .map_or(String::new(), |t| format!(", {}", ago(t.as_secs())));
+            let title = if one.base.title.is_empty() {
+                "Unnamed"
+            } else {
+                &one.base.title
+            };
+            ui.label(RichText::new(title).strong());
+            ui.label(format!("{} changes{when}", one.edits.len()));
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                if ui
+                    .button("Discard")
+                    .on_hover_text("Removes this work for good.")
+                    .clicked()
+                {
+                    discarded = Some(i);
+                }
+                if main_button(ui, "Recover")
+                    .on_hover_text("Opens this work; save it to keep it.")
+                    .clicked()
+                {
+                    taken = Some(i);
+                }
+            });
+        });
+        if let Some(damage) = &one.damage {
+            ui.add(egui::Label::new(RichText::new(damage).small()).wrap());
+        }
+    }
+    if let Some(i) = taken {
+        return (Next::Close, Some(Wish::Recover(Box::new(left.remove(i)))));
+    }
+    if let Some(i) = discarded {
+        left.remove(i).discard();
+    }
+    ui.add_space(8.0);
+    let later = ui
+        .button("Later")
+        .on_hover_text("Keeps it, and asks again at the next start.")
+        .clicked();
+    let next = if later || left.is_empty() {
+        Next::Close
+    } else {
+        Next::Stay
+    };
+    (next, None)
+}
+
+/// How long ago something was.
+fn ago(seconds: u64) -> String {
+    match seconds {
+        0..90 => "just now".to_owned(),
+        90..5400 => format!("{} minutes ago", seconds / 60),
+        5400..129_600 => format!("{} hours ago", (seconds + 1800) / 3600),
+        _ => format!("{} days ago", seconds / 86_400),
+    }
+}
+
+fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, Option<Wish>) {
+    ui.set_width(380.0);
+    ui.heading("New document");
+    caption(ui, "Width in texels");
+    let sides = [512u32, 1024, 2048, 4096, 8192];
+    let words: Vec<String> = sides.iter().map(u32::to_string).collect();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let now = sides.iter().position(|s| *s == new.side).unwrap_or(1);
+    if let Some(i) = choices(ui, "Width", &words, now) {
+        new.side = sides[i];
+    }
+    let bar = Bar::new("Width over height", 0.25..=4.0).default(1.0);
+    bar.show(ui, &mut new.aspect)
+        .response
+        .on_hover_text("Of the surface: 1 for a square, 2 for a torus.");
+    let height = (f64::from(new.side) / new.aspect)
+        .round()
+        .clamp(1.0, 32768.0) as u32;
+    ui.label(
+        RichText::new(format!(
+            "{} x {height} texels, about {} while you work",
+            new.side,
+            memory([new.side, height])
+        ))
+        .color(Palette::of(ui).weak),
+    );
+    caption(ui, "Mesh");
+    let meshes = super::viewport::MESHES;
+    if let Some(i) = choices(ui, "Mesh", &meshes, new.mesh) {
+        new.mesh = i;
+    }
+    ui.add_space(8.0);
+    let mut answer = (Next::Stay, None);
+    ui.horizontal(|ui| {
+        if main_button(ui, "Begin").clicked() {
+            let made = new.recipe(height);
+            answer = match desk.told(made) {
+                Some(file) => (Next::Close, Some(Wish::Begin(Box::new(file)))),
+                None => (Next::Stay, None),
+            };
+        }
+        if ui.button("Cancel").clicked() {
+            answer = (Next::Close, None);
+        }
+    });
+    answer
+}
+
+impl NewDocument {
+    /// A studio of nothing, to stand in for one that ends.
+    pub(crate) fn empty_studio() -> Result<Studio, Error> {
+        let recipe = Recipe {
+            size: Size::new(1, 1)?,
+            ..Recipe::default()
+        };
+        Studio::new(
+            RecipeFile::new(recipe, "empty.toml")?,
+            None,
+            Options::default(),
+        )
+    }
+
+    /// A plain satin ground with a paint layer on it.
+    fn recipe(&self, height: u32) -> Result<RecipeFile, Error> {
+        use anisomap::paint::Strokes;
+        use anisomap::recipe::{Layer, Source};
+        use anisomap::studio::parameters::default_pattern;
+        let ground = Layer {
+            name: "ground".to_owned(),
+            ..Layer::new(Source::Pattern(default_pattern("constant")?))
+        };
+        let paint = Layer {
+            name: "paint".to_owned(),
+            ..Layer::new(Source::Strokes(Strokes::default()))
+        };
+        let recipe = Recipe {
+            name: "untitled".to_owned(),
+            size: Size::new(self.side, height)?,
+            mesh: Some(super::viewport::MESHES[self.mesh].to_owned()),
+            layers: vec![ground, paint],
+            ..Recipe::default()
+        };
+        RecipeFile::new(recipe, "untitled.toml")
+    }
+}
+
+fn settings(ui: &mut Ui, desk: &mut Desk) -> Next {
+    ui.set_width(420.0);
+    ui.heading("Settings");
+    let before = desk.settings.clone();
+    caption(ui, "Theme");
+    let themes = [Theme::Dark, Theme::Light, Theme::System];
+    let now = themes
+        .iter()
+        .position(|t| *t == desk.settings.theme)
+        .unwrap_or(0);
+    if let Some(i) = choices(ui, "Theme", &["Dark", "Light", "As the system"], now) {
+        desk.settings.theme = themes[i];
+        theme::choose(ui.ctx(), themes[i]);
+    }
+    caption(ui, "Size of text and controls");
+    let scales = [0.8f32, 1.0, 1.25, 1.5, 2.0];
+    let now = scales
+        .iter()
+        .position(|s| (s - desk.settings.scale).abs() < 0.05)
+        .unwrap_or(usize::MAX);
+    if let Some(i) = choices(ui, "Scale", &["80%", "100%", "125%", "150%", "200%"], now) {
+        desk.settings.scale = scales[i];
+        ui.ctx().set_zoom_factor(scales[i]);
+    }
+    caption(ui, "Camera in the 3D view");
+    let presets = orbit::Preset::ALL;
+    let now = presets
+        .iter()
+        .position(|p| *p == desk.settings.navigation)
+        .unwrap_or(0);
+    if let Some(i) = choices(ui, "Camera", &["Alt + buttons", "Middle button"], now) {
+        desk.settings.navigation = presets[i];
+    }
+    ui.label(
+        RichText::new(desk.settings.navigation.name())
+            .small()
+            .color(Palette::of(ui).weak),
+    );
+    caption(ui, "Memory for undo");
+    let mut mib = f64::from(desk.settings.undo_memory);
+    let bar = Bar::new("MiB", 16.0..=16384.0)
+        .integer(true)
+        .default(512.0)
+        .show(ui, &mut mib);
+    bar.response.on_hover_text(
+        "The oldest steps are forgotten beyond this. Takes effect with the next document.",
+    );
+    desk.settings.undo_memory = mib as u32;
+    caption(ui, "Keys");
+    if let Some(path) = desk.folders.as_ref().map(|f| f.keymap()) {
+        ui.horizontal(|ui| {
+            if ui
+                .button("Write the keymap file")
+                .on_hover_text(
+                    "Writes every action with its keys, to be changed with a text editor.",
+                )
+                .clicked()
+            {
+                let written = make_folder(&path).and_then(|()| desk.keymap.save(&path));
+                if desk.told(written).is_some() {
+                    desk.messages.news(format!(
+                        "Keys written to {}; they are read at the next start",
+                        path.display()
+                    ));
+                }
+            }
+        });
+        ui.add(
+            egui::Label::new(
+                RichText::new(path.display().to_string())
+                    .small()
+                    .color(Palette::of(ui).weak),
+            )
+            .wrap(),
+        );
+    }
+    ui.add_space(8.0);
+    let closed = main_button(ui, "Close").clicked();
+    if desk.settings != before {
+        desk.save_settings();
+    }
+    if closed { Next::Close } else { Next::Stay }
+}
+
+fn make_folder(path: &std::path::Path) -> Result<(), Error> {
+    match path.parent() {
+        Some(folder) => std::fs::create_dir_all(folder).map_err(Error::write(folder)),
+        None => Ok(()),
+    }
+}

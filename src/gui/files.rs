@@ -1,0 +1,339 @@
+//! Choosing a file or folder: the desktop's own dialog where there is one, and a field with a list for everywhere else.
+
+use super::desk::Desk;
+use super::theme::Palette;
+use super::work::{Now, Work};
+use eframe::egui::{self, Key, RichText, TextEdit, Ui};
+use std::path::{Path, PathBuf};
+
+/// What a path is wanted for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    Open,
+    SaveAs,
+    /// Saves, and then does what had to wait.
+    SaveThen,
+    Import,
+    Mesh,
+    ExportFolder,
+}
+
+impl Purpose {
+    fn title(self) -> &'static str {
+        match self {
+            Self::Open => "Open",
+            Self::SaveAs | Self::SaveThen => "Save as",
+            Self::Import => "Import map",
+            Self::Mesh => "Load mesh",
+            Self::ExportFolder => "Folder for the files",
+        }
+    }
+
+    fn button(self) -> &'static str {
+        match self {
+            Self::Open => "Open",
+            Self::SaveAs | Self::SaveThen => "Save",
+            Self::Import => "Import",
+            Self::Mesh => "Load",
+            Self::ExportFolder => "Choose",
+        }
+    }
+
+    /// The endings of the files that are offered.
+    fn endings(self) -> &'static [&'static str] {
+        match self {
+            Self::Open => &["toml", "exr", "glb", "gltf", "obj"],
+            Self::SaveAs | Self::SaveThen => &["toml"],
+            Self::Import => &["exr", "glb", "gltf"],
+            Self::Mesh => &["glb", "gltf", "obj"],
+            Self::ExportFolder => &[],
+        }
+    }
+
+    fn saves(self) -> bool {
+        matches!(self, Self::SaveAs | Self::SaveThen)
+    }
+}
+
+/// What came of a frame of the dialog.
+pub(crate) enum Answer {
+    None,
+    Close,
+    Path(PathBuf),
+}
+
+/// The dialog.
+pub(crate) struct FileDialog {
+    purpose: Purpose,
+    text: String,
+    listed: Option<(PathBuf, Vec<Entry>)>,
+    native: Option<Work<Option<PathBuf>>>,
+    asked: bool,
+    fresh: bool,
+    /// The file that would be written over, told once.
+    over: Option<PathBuf>,
+}
+
+#[derive(Clone)]
+struct Entry {
+    name: String,
+    is_folder: bool,
+}
+
+impl FileDialog {
+    /// A dialog that begins at a path: a file, or a folder.
+    pub(crate) fn new(purpose: Purpose, start: PathBuf) -> Self {
+        let mut text = start.display().to_string();
+        if start.is_dir() && !text.ends_with(std::path::MAIN_SEPARATOR) {
+            text.push(std::path::MAIN_SEPARATOR);
+        }
+        Self {
+            purpose,
+            text,
+            listed: None,
+            native: None,
+            asked: false,
+            fresh: true,
+            over: None,
+        }
+    }
+
+    pub(crate) fn purpose(&self) -> Purpose {
+        self.purpose
+    }
+
+    pub(crate) fn show(&mut self, ui: &mut Ui, desk: &Desk) -> Answer {
+        if !self.asked {
+            self.asked = true;
+            if desk.native_dialogs && has_desktop_dialogs() {
+                self.ask_desktop(ui);
+            }
+        }
+        if let Some(work) = &self.native {
+            match work.now() {
+                Now::Came(Some(path)) => return Answer::Path(path),
+                Now::Came(None) | Now::Over => self.native = None, // cancelled, or there is none after all
+                Now::Going => {}
+            }
+        }
+        self.form(ui, desk)
+    }
+
+    fn form(&mut self, ui: &mut Ui, desk: &Desk) -> Answer {
+        let palette = Palette::of(ui);
+        ui.set_width(520.0);
+        ui.heading(self.purpose.title());
+        let mut answer = Answer::None;
+        if self.purpose == Purpose::Open && !desk.settings.recent.is_empty() {
+            super::widgets::caption(ui, "Recent");
+            for path in desk.settings.recent.iter().filter(|p| p.exists()).take(6) {
+                let name = path
+                    .file_name()
+                    .map_or(String::new(), |n| n.to_string_lossy().into_owned());
+                if ui
+                    .selectable_label(false, name)
+                    .on_hover_text(path.display().to_string())
+                    .clicked()
+                {
+                    answer = Answer::Path(path.clone());
+                }
+            }
+        }
+        super::widgets::caption(ui, "Path");
+        let field = ui
+            .add(TextEdit::singleline(&mut self.text).desired_width(f32::INFINITY))
+            .accessible_name("Path");
+        // While a dialog is only measured, nothing in it takes the focus.
+        if self.fresh && !ui.is_sizing_pass() {
+            self.fresh = false;
+            field.request_focus();
+            if self.purpose.saves() {
+                super::widgets::select_all(ui, field.id, &self.text);
+            }
+        }
+        if field.changed() {
+            self.over = None;
+        }
+        let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+        self.list(ui);
+        if let Some(over) = &self.over {
+            let text = format!(
+                "{} is there already: press {} again to write over it.",
+                over.display(),
+                self.purpose.button()
+            );
+            ui.add(egui::Label::new(RichText::new(text).color(palette.warning)).wrap());
+        }
+        ui.add_space(6.0);
+        ui.horizontal(|ui| {
+            if super::dialogs::main_button(ui, self.purpose.button()).clicked() || entered {
+                answer = self.accept();
+            }
+            if has_desktop_dialogs()
+                && ui
+                    .button("Browse\u{2026}")
+                    .on_hover_text("Asks the desktop.")
+                    .clicked()
+            {
+                self.ask_desktop(ui);
+            }
+            if ui.button("Cancel").clicked() {
+                answer = Answer::Close;
+            }
+        });
+        answer
+    }
+
+    /// What lies in the folder of the path.
+    fn list(&mut self, ui: &mut Ui) {
+        let path = PathBuf::from(&self.text);
+        let folder = if self.text.ends_with(std::path::MAIN_SEPARATOR) {
+            path
+        } else {
+            path.parent().map_or(PathBuf::new(), Path::to_owned)
+        };
+        let folder = if folder.as_os_str().is_empty() {
+            PathBuf::from(".")
+        } else {
+            folder
+        };
+        if self
+            .listed
+            .as_ref()
+            .is_none_or(|(listed, _)| *listed != folder)
+        {
+            self.listed = Some((folder.clone(), entries(&folder, self.purpose.endings())));
+        }
+        let Some((_, entries)) = &self.listed else {
+            return;
+        };
+        let mut chosen = None;
+        egui::Frame::new()
+            .fill(ui.visuals().extreme_bg_color)
+            .corner_radius(4)
+            .inner_margin(4)
+            .show(ui, |ui| {
+                egui::ScrollArea::vertical()
+                    .auto_shrink(false)
+                    .max_height(190.0)
+                    .show(ui, |ui| {
+                        if folder.parent().is_some() && ui.selectable_label(false, "..").clicked() {
+                            chosen = Some("..".to_owned());
+                        }
+                        for entry in entries {
+                            let text = if entry.is_folder {
+                                format!("{}/", entry.name)
+                            } else {
+                                entry.name.clone()
+                            };
+                            if ui.selectable_label(false, text).clicked() {
+                                chosen = Some(entry.name.clone());
+                            }
+                        }
+                    });
+            });
+        if let Some(name) = chosen {
+            self.choose(&folder, &name);
+        }
+    }
+
+    fn choose(&mut self, folder: &Path, name: &str) {
+        let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+        let path = match name {
+            ".." => folder.parent().map_or(folder.clone(), Path::to_owned),
+            name => folder.join(name),
+        };
+        self.text = path.display().to_string();
+        if path.is_dir() {
+            self.text.push(std::path::MAIN_SEPARATOR);
+        }
+        self.over = None;
+    }
+
+    /// The path as it is meant; a file that is there is written over only when it is asked for twice.
+    fn accept(&mut self) -> Answer {
+        let text = self.text.trim();
+        if text.is_empty() {
+            return Answer::None;
+        }
+        let mut path = PathBuf::from(text);
+        if self.purpose.saves() {
+            if path.is_dir() {
+                return Answer::None;
+            }
+            if path.extension().is_none() {
+                path.set_extension("toml");
+            }
+            if path.exists() && self.over.as_ref() != Some(&path) {
+                self.over = Some(path);
+                return Answer::None;
+            }
+        }
+        Answer::Path(path)
+    }
+
+    fn ask_desktop(&mut self, ui: &Ui) {
+        let (purpose, start) = (self.purpose, PathBuf::from(&self.text));
+        let work = move |_: &super::work::Reins, give: &dyn Fn(Option<PathBuf>) -> bool| {
+            let mut dialog = rfd::FileDialog::new().set_title(purpose.title());
+            let folder = if start.is_dir() {
+                Some(start.as_path())
+            } else {
+                start.parent()
+            };
+            if let Some(folder) = folder.filter(|f| f.is_dir()) {
+                dialog = dialog.set_directory(folder);
+            }
+            if !purpose.endings().is_empty() {
+                dialog = dialog.add_filter(purpose.title(), purpose.endings());
+            }
+            give(match purpose {
+                Purpose::ExportFolder => dialog.pick_folder(),
+                p if p.saves() => {
+                    let name = start
+                        .file_name()
+                        .map_or("untitled.toml".into(), |n| n.to_string_lossy().into_owned());
+                    dialog.set_file_name(name).save_file()
+                }
+                _ => dialog.pick_file(),
+            });
+        };
+        self.native = Work::begin("file dialog", ui.ctx(), work).ok();
+    }
+}
+
+/// Whether the desktop has dialogs of its own: without a bus or zenity asking would end at once, as if cancelled.
+fn has_desktop_dialogs() -> bool {
+    if cfg!(any(target_os = "windows", target_os = "macos")) {
+        return true;
+    }
+    let in_path = |name: &str| {
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        std::env::split_paths(&path).any(|p| p.join(name).is_file())
+    };
+    std::env::var_os("DBUS_SESSION_BUS_ADDRESS").is_some() || in_path("zenity")
+}
+
+/// Folders, then files with these endings; hidden ones left out.
+fn entries(folder: &Path, endings: &[&str]) -> Vec<Entry> {
+    let Ok(found) = std::fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let mut entries: Vec<Entry> = found
+        .flatten()
+        .take(5000)
+        .map(|e| Entry {
+            name: e.file_name().to_string_lossy().into_owned(),
+            is_folder: e.path().is_dir(),
+        })
+        .filter(|e| !e.name.starts_with('.'))
+        .filter(|e| {
+            e.is_folder
+                || endings
+                    .iter()
+                    .any(|end| e.name.to_lowercase().ends_with(&format!(".{end}")))
+        })
+        .collect();
+    entries.sort_by_key(|e| (!e.is_folder, e.name.to_lowercase()));
+    entries
+}

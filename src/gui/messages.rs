@@ -1,0 +1,132 @@
+//! What the window tells: errors stay until they are closed, news go away by themselves.
+
+use super::icons::Icon;
+use super::theme::Palette;
+use super::widgets::icon_button;
+use eframe::egui::{
+    self, Align2, Area, Context, CornerRadius, Frame, Id, Margin, RichText, Stroke, vec2,
+};
+use std::time::{Duration, Instant};
+
+/// How long news stay.
+const NEWS: Duration = Duration::from_secs(6);
+/// The most messages that are shown.
+const MOST: usize = 4;
+
+struct Message {
+    text: String,
+    is_error: bool,
+    since: Instant,
+    id: u64,
+}
+
+/// The messages that are shown, oldest first.
+#[derive(Default)]
+pub(crate) struct Messages {
+    shown: Vec<Message>,
+    count: u64,
+}
+
+impl Messages {
+    /// Something went wrong, and what to do.
+    pub(crate) fn error(&mut self, error: impl ToString) {
+        self.add(error.to_string(), true);
+    }
+
+    /// Something was done.
+    pub(crate) fn news(&mut self, text: impl Into<String>) {
+        self.add(text.into(), false);
+    }
+
+    fn add(&mut self, text: String, is_error: bool) {
+        // The same twice is one message: a full disk would fill the window with them.
+        self.shown.retain(|m| m.text != text);
+        self.count += 1;
+        self.shown.push(Message {
+            text,
+            is_error,
+            since: Instant::now(),
+            id: self.count,
+        });
+        if self.shown.len() > MOST {
+            self.shown.remove(0);
+        }
+    }
+
+    /// The texts that are shown, oldest first.
+    #[cfg(test)]
+    pub(crate) fn texts(&self) -> Vec<&str> {
+        self.shown.iter().map(|m| m.text.as_str()).collect()
+    }
+
+    /// Shows them over everything, in the lower right.
+    pub(crate) fn show(&mut self, ctx: &Context) {
+        self.shown
+            .retain(|m| m.is_error || m.since.elapsed() < NEWS);
+        if let Some(next) = self
+            .shown
+            .iter()
+            .filter(|m| !m.is_error)
+            .map(|m| NEWS.saturating_sub(m.since.elapsed()))
+            .min()
+        {
+            ctx.request_repaint_after(next + Duration::from_millis(20));
+        }
+        let mut closed = None;
+        let mut up = 40.0;
+        for message in self.shown.iter().rev() {
+            let area = Area::new(Id::unique(("message", message.id)))
+                .order(egui::Order::Foreground)
+                .anchor(Align2::RIGHT_BOTTOM, vec2(-14.0, -up));
+            let shown = area.show(ctx, |ui| {
+                if row(ui, message) {
+                    closed = Some(message.id);
+                }
+            });
+            up += shown.response.rect.height() + 8.0;
+        }
+        if let Some(id) = closed {
+            self.shown.retain(|m| m.id != id);
+        }
+    }
+}
+
+/// One message; `true` when it was closed.
+fn row(ui: &mut egui::Ui, message: &Message) -> bool {
+    let palette = Palette::of(ui);
+    let colour = if message.is_error {
+        palette.error
+    } else {
+        palette.accent
+    };
+    let frame = Frame::new()
+        .fill(ui.visuals().window_fill)
+        .stroke(Stroke::new(1.0, colour.gamma_multiply(0.6)))
+        .corner_radius(CornerRadius::same(6))
+        .shadow(ui.visuals().popup_shadow)
+        .inner_margin(Margin::symmetric(10, 8));
+    frame
+        .show(ui, |ui| {
+            ui.set_max_width(420.0);
+            ui.horizontal_top(|ui| {
+                let (rect, _) = ui.allocate_exact_size(vec2(18.0, 18.0), egui::Sense::hover());
+                let icon = if message.is_error {
+                    Icon::Warning
+                } else {
+                    Icon::Info
+                };
+                icon.paint(ui.painter(), rect, colour);
+                ui.scope(|ui| {
+                    ui.set_max_width(350.0);
+                    ui.add(
+                        egui::Label::new(RichText::new(&message.text).color(palette.text)).wrap(),
+                    );
+                });
+                icon_button(ui, Icon::Close, "Close message", 20.0, false)
+                    .on_hover_text("Closes this message.")
+                    .clicked()
+            })
+            .inner
+        })
+        .inner
+}

@@ -1,0 +1,28 @@
+//! The studio's window: turns events into calls of the library's `studio` module, and shows what is there.
+
+mod app;
+mod canvas;
+mod desk;
+mod dialogs;
+mod export;
+mod files;
+mod guides;
+mod help;
+mod icons;
+mod keys;
+mod layers;
+mod messages;
+mod overlay;
+mod presets;
+mod properties;
+mod status;
+#[cfg(test)]
+mod tests;
+mod theme;
+mod tools;
+mod viewport;
+mod watch;
+mod widgets;
+mod work;
+
+pub(crate) use app::run;

@@ -1,0 +1,355 @@
+//! What lies over the canvas: lines along the grooves, a layer's coverage, what is wrong with the map, and the legend of the colours.
+
+use super::canvas::{Kind, put};
+use super::desk::Desk;
+use super::work::{Now, Work};
+use anisomap::Error;
+use anisomap::map::Size;
+use anisomap::progress::Progress;
+use anisomap::studio::view::{
+    AlphaRange, Camera2d, Coverage, Legend, LegendShape, LintMarks, Needle, RatioRange, View,
+};
+use eframe::egui::{
+    Align2, Color32, ColorImage, CornerRadius, FontId, Painter, Pos2, Rect, Shape, Stroke,
+    TextureHandle, TextureOptions, Ui, pos2, vec2,
+};
+
+/// The colour of a layer's coverage.
+const COVERAGE: [u8; 3] = [0xe2, 0x57, 0x8f];
+/// Size of a legend's strip and wheel, points.
+const STRIP: (u32, u32) = (220, 12);
+const WHEEL: (u32, u32) = (120, 60);
+
+/// What colours stand for which numbers.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Ranges {
+    pub(crate) alpha: AlphaRange,
+    pub(crate) ratio: RatioRange,
+}
+
+/// The picture of a legend, kept as long as the view stays.
+#[derive(Default)]
+pub(crate) struct LegendPicture {
+    shown: Option<(View, u32)>,
+    legend: Option<Legend>,
+    texture: Option<TextureHandle>,
+}
+
+impl LegendPicture {
+    /// Draws it with its lower left corner at a place.
+    pub(crate) fn show(&mut self, ui: &Ui, painter: &Painter, corner: Pos2, view: View) {
+        let scale = ui.pixels_per_point();
+        let key = (view, (scale * 100.0) as u32);
+        if self.shown != Some(key) {
+            self.make(ui, view, scale);
+            self.shown = Some(key);
+        }
+        if let (Some(legend), Some(texture)) = (&self.legend, &self.texture) {
+            paint_legend(painter, corner, legend, texture, scale);
+        }
+    }
+
+    fn make(&mut self, ui: &Ui, view: View, scale: f32) {
+        let (w, h) = if matches!(view, View::Direction) {
+            WHEEL
+        } else {
+            STRIP
+        };
+        let side = |n: u32| (n as f32 * scale).round() as u32;
+        self.legend = Size::new(side(w), side(h))
+            .ok()
+            .and_then(|size| view.legend(size));
+        self.texture = self.legend.as_ref().map(|legend| {
+            let sides = [legend.size.width() as usize, legend.size.height() as usize];
+            let image = ColorImage::from_rgba_premultiplied(sides, &legend.rgba);
+            ui.ctx()
+                .load_texture("legend", image, TextureOptions::LINEAR)
+        });
+    }
+}
+
+fn paint_legend(
+    painter: &Painter,
+    corner: Pos2,
+    legend: &Legend,
+    texture: &TextureHandle,
+    scale: f32,
+) {
+    let size = vec2(legend.size.width() as f32, legend.size.height() as f32) / scale;
+    let wheel = legend.shape == LegendShape::HalfWheel;
+    let margin = if wheel {
+        vec2(30.0, 20.0)
+    } else {
+        vec2(14.0, 8.0)
+    };
+    let below = if wheel { 8.0 } else { 20.0 };
+    let ground = Rect::from_min_max(
+        corner - vec2(0.0, size.y + margin.y + below + 16.0),
+        corner + vec2(size.x + 2.0 * margin.x, 0.0),
+    );
+    painter.rect_filled(
+        ground,
+        CornerRadius::same(5),
+        Color32::from_rgba_unmultiplied(12, 13, 15, 200),
+    );
+    let ink = Color32::from_rgb(0xe8, 0xe9, 0xea);
+    let font = FontId::proportional(11.0);
+    painter.text(
+        ground.left_top() + vec2(10.0, 5.0),
+        Align2::LEFT_TOP,
+        legend.title,
+        font.clone(),
+        ink,
+    );
+    let at = Rect::from_min_size(
+        pos2(ground.left() + margin.x, ground.bottom() - below - size.y),
+        size,
+    );
+    let uv = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    painter.image(texture.id(), at, uv, Color32::WHITE);
+    for tick in &legend.ticks {
+        let place = at.min + vec2(tick.at.x, tick.at.y) / scale;
+        if wheel {
+            let out = (place - at.center_bottom()).normalized();
+            painter.text(
+                place + out * 12.0,
+                Align2::CENTER_CENTER,
+                &tick.label,
+                font.clone(),
+                ink,
+            );
+        } else {
+            let long = if tick.label.is_empty() { 2.0 } else { 4.0 };
+            painter.line_segment([place, place + vec2(0.0, long)], Stroke::new(1.0, ink));
+            painter.text(
+                place + vec2(0.0, 5.0),
+                Align2::CENTER_TOP,
+                &tick.label,
+                font.clone(),
+                ink,
+            );
+        }
+    }
+}
+
+/// Lines along the grooves, readable on light and dark ground.
+pub(crate) fn needle_shapes(painter: &Painter, rect: Rect, scale: f32, needles: &[Needle]) {
+    let place = |p: glam::Vec2| rect.min + vec2(p.x, p.y) / scale;
+    let line =
+        |needle: &Needle, stroke: Stroke| Shape::line_segment(needle.ends.map(place), stroke);
+    painter.extend(
+        needles
+            .iter()
+            .map(|n| line(n, Stroke::new(3.0, Color32::from_black_alpha(110)))),
+    );
+    painter.extend(needles.iter().map(|n| {
+        let strength = (90.0 + 165.0 * n.anisotropy) as u8;
+        line(
+            n,
+            Stroke::new(
+                1.3,
+                Color32::from_rgba_unmultiplied(0xff, 0xd9, 0x9a, strength),
+            ),
+        )
+    }));
+}
+
+/// What is drawn over the lit map.
+#[derive(Default)]
+pub(crate) struct Overlay {
+    texture: Option<TextureHandle>,
+    pixels: Vec<u8>,
+    /// What the texture shows.
+    drawn: Option<(Kind, Camera2d)>,
+    coverage: Option<Coverage>,
+    /// The layer that the coverage is of.
+    of_layer: usize,
+    marks: Option<LintMarks>,
+    work: Option<Work<Result<LintMarks, Error>>>,
+    stale: bool,
+}
+
+impl Overlay {
+    /// Nothing is shown; what was found is kept while the map stays.
+    pub(crate) fn rest(&mut self, map_changed: bool) {
+        if map_changed {
+            self.marks = None;
+            self.coverage = None;
+            self.work = None;
+        }
+        self.drawn = None;
+    }
+
+    pub(crate) fn show_coverage(
+        &mut self,
+        ui: &Ui,
+        painter: &Painter,
+        rect: Rect,
+        desk: &mut Desk,
+        camera: Camera2d,
+        map_changed: bool,
+    ) {
+        let layer = desk.studio.selected();
+        if map_changed || self.coverage.is_none() || self.of_layer != layer {
+            let size = desk.studio.map().size();
+            self.coverage = desk
+                .studio
+                .coverage()
+                .and_then(|values| Coverage::new(size, values).ok());
+            self.of_layer = layer;
+            self.drawn = None;
+        }
+        let Some(coverage) = &self.coverage else {
+            return;
+        };
+        if self.drawn != Some((Kind::Coverage, camera)) {
+            let part = camera.size.rect();
+            self.pixels.resize(part.texels() * 4, 0);
+            coverage.draw(
+                desk.studio.map().wrap(),
+                &camera,
+                COVERAGE,
+                part,
+                &mut self.pixels,
+            );
+            self.upload(ui, Kind::Coverage, camera);
+        }
+        self.paint(painter, rect);
+    }
+
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "a frame's surroundings, each of another kind"
+    )]
+    pub(crate) fn show_lint(
+        &mut self,
+        ui: &Ui,
+        painter: &Painter,
+        rect: Rect,
+        desk: &mut Desk,
+        camera: Camera2d,
+        map_changed: bool,
+        busy: bool,
+    ) {
+        self.stale |= map_changed || (self.marks.is_none() && self.work.is_none());
+        if self.stale && !busy {
+            self.stale = false;
+            self.look(ui, desk);
+        }
+        if let Some(work) = &self.work {
+            match work.now() {
+                Now::Going => {}
+                Now::Came(found) => {
+                    self.work = None;
+                    self.marks = desk.told(found);
+                    self.drawn = None;
+                }
+                Now::Over => self.work = None,
+            }
+        }
+        let Some(marks) = &self.marks else { return };
+        if self.drawn != Some((Kind::Lint, camera)) {
+            let part = camera.size.rect();
+            self.pixels.resize(part.texels() * 4, 0);
+            marks.draw_texels(&camera, false, part, &mut self.pixels);
+            self.upload(ui, Kind::Lint, camera);
+        }
+        self.paint(painter, rect);
+        self.paint_marks(painter, rect, ui.pixels_per_point(), camera);
+    }
+
+    /// Looks the map over in the background.
+    fn look(&mut self, ui: &Ui, desk: &mut Desk) {
+        let (map, mesh) = (desk.studio.map().clone(), desk.studio.mesh().clone());
+        let begun = Work::begin("lint", ui.ctx(), move |reins, give| {
+            let wanted = |_: u64, _: u64| reins.go_on();
+            give(LintMarks::find(&map, Some(&mesh), &Progress::new(&wanted)));
+        });
+        self.work = desk.told(begun);
+    }
+
+    fn upload(&mut self, ui: &Ui, kind: Kind, camera: Camera2d) {
+        let part = camera.size.rect();
+        let image = ColorImage::from_rgba_premultiplied(
+            [part.width as usize, part.height as usize],
+            &self.pixels,
+        );
+        put(ui, &mut self.texture, "overlay", camera.size, part, image);
+        self.drawn = Some((kind, camera));
+    }
+
+    fn paint(&self, painter: &Painter, rect: Rect) {
+        if let Some(texture) = &self.texture {
+            let uv = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            painter.image(texture.id(), rect, uv, Color32::WHITE);
+        }
+    }
+
+    fn paint_marks(&self, painter: &Painter, rect: Rect, scale: f32, camera: Camera2d) {
+        let Some(marks) = &self.marks else { return };
+        let place = |p: glam::Vec2| rect.min + vec2(p.x, p.y) / scale;
+        for seam in marks.seams(&camera) {
+            let [r, g, b, _] = seam.colour;
+            painter.line_segment(
+                seam.ends.map(place),
+                Stroke::new(3.0, Color32::from_rgb(r, g, b)),
+            );
+        }
+        for pole in marks.poles(&camera) {
+            let at = place(pole.at);
+            let colour = if pole.halves > 0 {
+                Color32::from_rgb(0xff, 0xc8, 0x5a)
+            } else {
+                Color32::from_rgb(0x6a, 0xc4, 0xff)
+            };
+            painter.circle_filled(at, 11.0, Color32::from_black_alpha(170));
+            painter.circle_stroke(at, 11.0, Stroke::new(1.5, colour));
+            painter.text(
+                at,
+                Align2::CENTER_CENTER,
+                &pole.label,
+                FontId::proportional(10.0),
+                colour,
+            );
+        }
+    }
+
+    /// What there is to say of the overlay.
+    pub(crate) fn text(&self, kind: Kind, desk: &Desk) -> Option<String> {
+        match kind {
+            Kind::Coverage if self.coverage.is_none() => {
+                Some("The selected layer holds no strokes.".to_owned())
+            }
+            Kind::Coverage => {
+                let layer = desk.studio.recipe().layers.get(self.of_layer);
+                layer.map(|l| format!("Strokes of {}", l.name()))
+            }
+            Kind::Lint => Some(match (&self.marks, &self.work) {
+                (_, Some(_)) => "Looking the map over\u{2026}".to_owned(),
+                (Some(marks), None) => summary(marks),
+                (None, None) => return None,
+            }),
+            _ => None,
+        }
+    }
+}
+
+fn summary(marks: &LintMarks) -> String {
+    let marks = marks.marks();
+    let poles = match marks.rough {
+        Some(loops) => format!("a rough field: {loops} turning points"),
+        None => format!("{} singular points", marks.poles.len()),
+    };
+    let worst = marks.seams.iter().map(|s| s.degrees).fold(0.0, f32::max);
+    let seams = if marks.seams.is_empty() {
+        "no seam jumps".to_owned()
+    } else {
+        format!("seams jump by up to {worst:.1}\u{b0}")
+    };
+    let texels = if marks.texels.is_empty() {
+        "no texel out of range"
+    } else {
+        "marked texels are out of some format's range"
+    };
+    format!("{poles}; {seams}; {texels}")
+}

@@ -1,0 +1,161 @@
+//! The built-in recipes with pictures of them, which a thread draws.
+
+use super::theme::Palette;
+use super::work::{Now, Work};
+use anisomap::Error;
+use anisomap::map::Size;
+use anisomap::mesh;
+use anisomap::preview::{Look, Scene, Subject, render};
+use anisomap::progress::Progress;
+use anisomap::recipe::{PRESETS, Preset};
+use eframe::egui::{
+    self, Align2, Color32, ColorImage, CornerRadius, FontId, Role, Sense, Stroke, StrokeKind,
+    TextureHandle, TextureOptions, Ui, WidgetInfo, pos2, vec2,
+};
+
+/// Width and height of a picture, pixels.
+const PICTURE: [u32; 2] = [176, 132];
+/// Pictures beside each other.
+const COLUMNS: usize = 4;
+
+type Drawn = (usize, Result<Vec<u8>, Error>);
+
+/// The browser.
+#[derive(Default)]
+pub(crate) struct PresetBrowser {
+    pictures: Vec<Option<TextureHandle>>,
+    work: Option<Work<Drawn>>,
+    begun: bool,
+}
+
+/// What the browser wants done.
+pub(crate) enum Wish {
+    Stay,
+    Close,
+    Open(&'static Preset),
+}
+
+impl PresetBrowser {
+    pub(crate) fn show(&mut self, ui: &mut Ui) -> Wish {
+        self.follow(ui);
+        ui.set_width((PICTURE[0] as f32 + 12.0) * COLUMNS as f32 + 10.0);
+        ui.heading("Presets");
+        ui.label(egui::RichText::new("Each opens as a new document: change it, paint on it, save it under a name of yours.").color(Palette::of(ui).weak));
+        ui.add_space(8.0);
+        let mut wish = Wish::Stay;
+        egui::ScrollArea::vertical()
+            .max_height(520.0)
+            .show(ui, |ui| {
+                egui::Grid::new("presets")
+                    .spacing(vec2(10.0, 10.0))
+                    .show(ui, |ui| {
+                        for (i, preset) in PRESETS.iter().enumerate() {
+                            if self.card(ui, i, preset) {
+                                wish = Wish::Open(preset);
+                            }
+                            if (i + 1) % COLUMNS == 0 {
+                                ui.end_row();
+                            }
+                        }
+                    });
+            });
+        ui.add_space(8.0);
+        if ui.button("Close").clicked() {
+            wish = Wish::Close;
+        }
+        wish
+    }
+
+    fn card(&self, ui: &mut Ui, i: usize, preset: &Preset) -> bool {
+        let palette = Palette::of(ui);
+        let size = vec2(PICTURE[0] as f32, PICTURE[1] as f32 + 24.0);
+        let (rect, response) = ui.allocate_exact_size(size, Sense::click());
+        let name = preset.name.replace('_', " ");
+        response.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Preset {name}")));
+        let round = CornerRadius::same(5);
+        ui.painter().rect_filled(rect, round, palette.header);
+        let mut picture = rect;
+        picture.set_height(PICTURE[1] as f32);
+        if let Some(Some(texture)) = self.pictures.get(i) {
+            let uv = egui::Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            ui.painter()
+                .image(texture.id(), picture.shrink(1.0), uv, Color32::WHITE);
+        } else {
+            ui.painter().rect_filled(picture, round, palette.backdrop);
+        }
+        let at = pos2(rect.left() + 8.0, rect.bottom() - 12.0);
+        ui.painter().text(
+            at,
+            Align2::LEFT_CENTER,
+            name,
+            FontId::proportional(12.5),
+            palette.text,
+        );
+        if response.hovered() || response.has_focus() {
+            ui.painter().rect_stroke(
+                rect,
+                round,
+                Stroke::new(1.5, palette.accent),
+                StrokeKind::Inside,
+            );
+        }
+        response.on_hover_text(preset.description()).clicked()
+    }
+
+    fn follow(&mut self, ui: &Ui) {
+        if !self.begun {
+            self.begun = true;
+            self.pictures.resize_with(PRESETS.len(), || None);
+            let work = |reins: &super::work::Reins, give: &dyn Fn(Drawn) -> bool| {
+                for (i, preset) in PRESETS.iter().enumerate() {
+                    if !reins.go_on() || !give((i, picture_of(preset))) {
+                        return;
+                    }
+                }
+            };
+            // Without a thread there are names without pictures.
+            self.work = Work::begin("presets", ui.ctx(), work).ok();
+        }
+        while let Some(work) = &self.work {
+            match work.now() {
+                Now::Going => return,
+                Now::Over => self.work = None,
+                Now::Came((i, Ok(rgb))) => {
+                    let image =
+                        ColorImage::from_rgb([PICTURE[0] as usize, PICTURE[1] as usize], &rgb);
+                    let texture =
+                        ui.ctx()
+                            .load_texture(format!("preset {i}"), image, TextureOptions::LINEAR);
+                    self.pictures[i] = Some(texture);
+                }
+                Now::Came((_, Err(_))) => {} // its name and description are there
+            }
+        }
+    }
+}
+
+/// A small lit picture of a preset.
+fn picture_of(preset: &Preset) -> Result<Vec<u8>, Error> {
+    let mut recipe = preset.recipe()?.recipe().clone();
+    recipe.aspect = Some(recipe.aspect_at(recipe.size));
+    recipe.size = Size::new(384, 384)?;
+    let files = anisomap::recipe::Files::default();
+    let map = recipe
+        .prepare(recipe.size, &files, &Progress::none())?
+        .map(&Progress::none())?;
+    let word = recipe
+        .mesh
+        .as_deref()
+        .unwrap_or(anisomap::studio::DEFAULT_MESH);
+    let mesh = mesh::open(word)?;
+    let subject = Subject {
+        mesh: &mesh,
+        map: &map,
+        material: &recipe.material,
+    };
+    let mut scene = Scene::for_mesh(&mesh);
+    scene.exposure = recipe.scene.exposure;
+    let size = Size::new(PICTURE[0], PICTURE[1])?;
+    let pictures = render(subject, &scene, &[Look::default()], size, &Progress::none())?;
+    Ok(pictures[0].to_srgb8())
+}

@@ -1,0 +1,653 @@
+//! The panel under the layers: the brush, the selected layer, the document, the history.
+
+use super::desk::{Desk, Redraw};
+use super::theme::Palette;
+use super::tools::{brush_panel, shown};
+use super::widgets::{Bar, body, caption, choices, left_label};
+use anisomap::guide::Guides;
+use anisomap::map::Wrap;
+use anisomap::pattern::Pattern;
+use anisomap::recipe::{Mask, MaskSource, Material, SEED_MAX, Source};
+use anisomap::studio::action::Action;
+use anisomap::studio::parameters::{Setting, default_pattern, rows, with_value};
+use anisomap::studio::{Header, LayerHead};
+use eframe::egui::{self, Ui, vec2};
+
+/// The leaves of the panel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Leaf {
+    Brush,
+    #[default]
+    Layer,
+    Document,
+    History,
+}
+
+const LEAVES: [(Leaf, &str); 4] = [
+    (Leaf::Brush, "Brush"),
+    (Leaf::Layer, "Layer"),
+    (Leaf::Document, "Document"),
+    (Leaf::History, "History"),
+];
+
+/// The panel and what it remembers.
+#[derive(Default)]
+pub(crate) struct PropertiesPanel {
+    pub(crate) leaf: Leaf,
+}
+
+impl PropertiesPanel {
+    pub(crate) fn show(&mut self, ui: &mut Ui, desk: &mut Desk) {
+        super::canvas::strip(ui, |ui| {
+            for (leaf, name) in LEAVES {
+                let tab = super::canvas::tab(ui, name, leaf == self.leaf);
+                if tab
+                    .on_hover_text(format!("Shows the settings of: {}.", name.to_lowercase()))
+                    .clicked()
+                {
+                    self.leaf = leaf;
+                }
+            }
+        });
+        egui::ScrollArea::vertical()
+            .auto_shrink(false)
+            .show(ui, |ui| {
+                body(ui, |ui| match self.leaf {
+                    Leaf::Brush => brush_panel(ui, desk),
+                    Leaf::Layer => layer_panel(ui, desk),
+                    Leaf::Document => document_panel(ui, desk),
+                    Leaf::History => history_panel(ui, desk),
+                });
+            });
+    }
+}
+
+/// What a bar did to a number.
+struct Turned {
+    value: Option<f64>,
+    finished: bool,
+}
+
+fn turn(ui: &mut Ui, bar: Bar<'_>, tip: &str, value: f64) -> Turned {
+    let mut now = value;
+    let shown = bar.show(ui, &mut now);
+    let changed = shown.response.changed() && now != value;
+    shown.response.on_hover_text(tip);
+    Turned {
+        value: changed.then_some(now),
+        finished: shown.finished,
+    }
+}
+
+fn layer_panel(ui: &mut Ui, desk: &mut Desk) {
+    let at = desk.studio.selected();
+    let Some(layer) = desk.studio.recipe().layers.get(at) else {
+        ui.label(egui::RichText::new("No layer is selected.").color(Palette::of(ui).weak));
+        return;
+    };
+    let (layer, inside) = (LayerHead::of(layer), Inside::of(&layer.source));
+    head(ui, desk, at, &layer);
+    source(ui, desk, at, &inside);
+    mask(ui, desk, at, &layer);
+}
+
+fn head(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
+    let bar = Bar::new("Opacity", 0.0..=1.0).percent().default(1.0);
+    let opacity = turn(
+        ui,
+        bar,
+        "How much of the layer shows.",
+        shown(layer.opacity),
+    );
+    if let Some(value) = opacity.value {
+        set_head(desk, at, "Opacity", |h| h.opacity = value as f32);
+    }
+    seal(desk, opacity.finished);
+    caption(ui, "Touches");
+    ui.horizontal(|ui| {
+        let mut channels = layer.channels;
+        for (name, on) in [
+            ("alpha_x", &mut channels.alpha_x),
+            ("alpha_y", &mut channels.alpha_y),
+            ("direction", &mut channels.direction),
+        ] {
+            ui.checkbox(on, name)
+                .on_hover_text(format!("Whether the layer changes {name}."));
+        }
+        let some = channels.alpha_x || channels.alpha_y || channels.direction;
+        if some && channels != layer.channels {
+            set_head(desk, at, "Channels", |h| h.channels = channels);
+            desk.studio.seal();
+        }
+    });
+    ui.horizontal(|ui| {
+        ui.label("Seed");
+        let mut own = layer.seed.is_some();
+        if ui.checkbox(&mut own, "its own").on_hover_text("Whether the layer has a seed of its own, and not one of the document's seed and its name.").changed() {
+            set_head(desk, at, "Seed", |h| h.seed = own.then_some(1));
+            desk.studio.seal();
+        }
+        if let Some(seed) = layer.seed {
+            let mut now = seed;
+            let field = egui::DragValue::new(&mut now).range(0..=SEED_MAX).speed(1.0);
+            let response = ui.add(field).on_hover_text("Another number gives another surface of the same kind.");
+            if now != seed {
+                set_head(desk, at, "Seed", |h| h.seed = Some(now));
+            }
+            seal(desk, response.drag_stopped() || response.lost_focus());
+        }
+    });
+}
+
+fn set_head(desk: &mut Desk, at: usize, label: &str, change: impl FnOnce(&mut LayerHead)) {
+    let Some(layer) = desk.studio.recipe().layers.get(at) else {
+        return;
+    };
+    let mut head = LayerHead::of(layer);
+    change(&mut head);
+    let done = desk.studio.set_head(at, label, head);
+    desk.told(done);
+}
+
+/// A change is complete: the next one is another step of the history.
+fn seal(desk: &mut Desk, finished: bool) {
+    if finished {
+        desk.studio.seal();
+    }
+}
+
+/// What the panel shows of a layer's source: the source itself may hold a hundred thousand strokes.
+enum Inside {
+    Pattern(Pattern),
+    Image(String),
+    Strokes(usize),
+    Guides(Guides),
+    Stored,
+}
+
+impl Inside {
+    fn of(source: &Source) -> Self {
+        match source {
+            Source::Pattern(pattern) => Self::Pattern(pattern.clone()),
+            Source::Image(image) => Self::Image(image.file.clone()),
+            Source::Strokes(strokes) => Self::Strokes(strokes.strokes.len()),
+            Source::Guides(guides) => Self::Guides(guides.clone()),
+            Source::Stored(_) => Self::Stored,
+        }
+    }
+}
+
+fn source(ui: &mut Ui, desk: &mut Desk, at: usize, inside: &Inside) {
+    match inside {
+        Inside::Pattern(pattern) => {
+            caption(ui, &format!("Pattern: {}", pattern.name()));
+            if let Some((changed, name)) = pattern_rows(ui, desk, pattern) {
+                let done = desk.studio.set_source(at, &name, Source::Pattern(changed));
+                desk.told(done);
+            }
+        }
+        Inside::Image(file) => {
+            caption(ui, "Map from a file");
+            ui.label(file)
+                .on_hover_text("The file that the layer lays over the map.");
+        }
+        Inside::Strokes(count) => {
+            caption(ui, "Strokes");
+            ui.label(match count {
+                0 => "None yet: paint on the canvas.".to_owned(),
+                1 => "1 stroke".to_owned(),
+                n => format!("{n} strokes"),
+            });
+        }
+        Inside::Guides(guides) => {
+            let mut hand = std::mem::take(&mut desk.guides);
+            super::guides::panel(ui, desk, &mut hand, at, guides);
+            desk.guides = hand;
+        }
+        Inside::Stored => caption(ui, "A reduced map"),
+    }
+}
+
+/// A row for each value of a pattern. Gives the pattern with what was changed, and the name of that.
+fn pattern_rows(ui: &mut Ui, desk: &mut Desk, pattern: &Pattern) -> Option<(Pattern, String)> {
+    let mut changed = None;
+    for row in rows(pattern) {
+        let value = match row.value {
+            Setting::Number {
+                value,
+                integer,
+                ref parameter,
+            } => {
+                let default = default_pattern(pattern.name())
+                    .ok()
+                    .and_then(|p| number_of(&p, &row.key));
+                let unit = match parameter.unit {
+                    "degrees" => "\u{b0}",
+                    "surface units" | "slope width" => "",
+                    other => other,
+                };
+                let mut bar = Bar::new(&row.name, parameter.range.clone())
+                    .integer(integer)
+                    .unit(unit);
+                if let Some(default) = default {
+                    bar = bar.default(default);
+                }
+                let tip = parameter_tip(parameter, &row.key);
+                let turned = turn(ui, bar, &tip, value);
+                seal(desk, turned.finished);
+                turned.value.map(toml_number(integer))
+            }
+            Setting::Word { ref value, words } => word_row(ui, &row.name, value, words),
+            Setting::Flag(flag) => {
+                let mut now = flag;
+                let changed = ui.checkbox(&mut now, &row.name).changed();
+                seal(desk, changed);
+                changed.then_some(toml::Value::Boolean(now))
+            }
+        };
+        if let Some(value) = value {
+            let with = with_value(pattern, &row.key, value);
+            changed = desk.told(with).map(|p| (p, row.name)).or(changed);
+        }
+    }
+    changed
+}
+
+fn toml_number(integer: bool) -> impl Fn(f64) -> toml::Value {
+    move |n| {
+        if integer {
+            toml::Value::Integer(n as i64)
+        } else {
+            toml::Value::Float(n)
+        }
+    }
+}
+
+fn number_of(pattern: &Pattern, key: &str) -> Option<f64> {
+    rows(pattern)
+        .into_iter()
+        .find(|r| r.key == key)
+        .and_then(|r| match r.value {
+            Setting::Number { value, .. } => Some(value),
+            _ => None,
+        })
+}
+
+/// What a parameter means, what it may be, and its key in the recipe.
+fn parameter_tip(parameter: &anisomap::pattern::Parameter, key: &str) -> String {
+    let mut letters = parameter.doc.chars();
+    let doc: String = letters
+        .next()
+        .map_or(String::new(), |f| f.to_uppercase().chain(letters).collect());
+    let unit = if parameter.unit.is_empty() {
+        String::new()
+    } else {
+        format!(" {}", parameter.unit)
+    };
+    format!(
+        "{doc}.\n{} to {}{unit}; in the recipe: {key}\nDrag, or double click to type; a middle click brings the default back.",
+        parameter.range.start(),
+        parameter.range.end()
+    )
+}
+
+fn word_row(ui: &mut Ui, name: &str, value: &str, words: &[&'static str]) -> Option<toml::Value> {
+    let now = words.iter().position(|w| *w == value).unwrap_or(0);
+    choices(ui, name, words, now).map(|i| toml::Value::from(words[i]))
+}
+
+fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
+    caption(ui, "Mask");
+    ui.horizontal(|ui| {
+        let now = layer.mask.as_ref().map_or("none", |m| m.source.name());
+        egui::ComboBox::from_id_salt("mask")
+            .width(140.0)
+            .selected_text(now)
+            .show_ui(ui, |ui| {
+                if ui.selectable_label(layer.mask.is_none(), "none").clicked() {
+                    set_mask(desk, at, None);
+                    desk.studio.seal();
+                }
+                for name in Pattern::NAMES {
+                    if ui.selectable_label(now == name, name).clicked()
+                        && let Ok(pattern) = default_pattern(name)
+                    {
+                        set_mask(desk, at, Some(Mask::new(MaskSource::Pattern(pattern))));
+                        desk.studio.seal();
+                    }
+                }
+            })
+            .response
+            .on_hover_text(
+                "Where the layer shows: everywhere, or where a pattern has large values.",
+            );
+        if let Some(mask) = &layer.mask {
+            let mut invert = mask.invert;
+            if ui
+                .checkbox(&mut invert, "Invert")
+                .on_hover_text("Shows the layer where the mask hides it.")
+                .changed()
+            {
+                set_mask(
+                    desk,
+                    at,
+                    Some(Mask {
+                        invert,
+                        ..mask.clone()
+                    }),
+                );
+                desk.studio.seal();
+            }
+        }
+    });
+    let Some(mask) = &layer.mask else { return };
+    if let MaskSource::Pattern(pattern) = &mask.source {
+        thresholds(ui, desk, at, mask);
+        if let Some((changed, _)) = pattern_rows(ui, desk, pattern) {
+            set_mask(
+                desk,
+                at,
+                Some(Mask {
+                    source: MaskSource::Pattern(changed),
+                    ..mask.clone()
+                }),
+            );
+        }
+    } else {
+        let bar = Bar::new("Feather", 0.0..=1.0).default(0.0);
+        let feather = turn(
+            ui,
+            bar,
+            "How wide the edge fades, surface units.",
+            shown(mask.feather.unwrap_or(0.0)),
+        );
+        if let Some(value) = feather.value {
+            set_mask(
+                desk,
+                at,
+                Some(Mask {
+                    feather: Some(value as f32),
+                    ..mask.clone()
+                }),
+            );
+        }
+        seal(desk, feather.finished);
+    }
+}
+
+fn thresholds(ui: &mut Ui, desk: &mut Desk, at: usize, mask: &Mask) {
+    let (low, high) = (mask.low.unwrap_or(0.0), mask.high.unwrap_or(1.0));
+    let bar = Bar::new("Hidden below", 0.0..=0.99).default(0.0);
+    let turned = turn(
+        ui,
+        bar,
+        "The pattern's value at and below which the layer is hidden.",
+        shown(low),
+    );
+    seal(desk, turned.finished);
+    if let Some(value) = turned.value {
+        let low = value as f32;
+        set_mask(
+            desk,
+            at,
+            Some(Mask {
+                low: Some(low),
+                high: Some(high.max(low + 0.01)),
+                ..mask.clone()
+            }),
+        );
+    }
+    let bar = Bar::new("Whole from", 0.01..=1.0).default(1.0);
+    let turned = turn(
+        ui,
+        bar,
+        "The pattern's value from which on the layer shows wholly.",
+        shown(high),
+    );
+    seal(desk, turned.finished);
+    if let Some(value) = turned.value {
+        let high = value as f32;
+        set_mask(
+            desk,
+            at,
+            Some(Mask {
+                low: Some(low.min(high - 0.01)),
+                high: Some(high),
+                ..mask.clone()
+            }),
+        );
+    }
+}
+
+fn set_mask(desk: &mut Desk, at: usize, mask: Option<Mask>) {
+    set_head(desk, at, "Mask", |h| h.mask = mask);
+}
+
+// ----- The document. -----
+
+fn document_panel(ui: &mut Ui, desk: &mut Desk) {
+    let before = Header::of(desk.studio.recipe());
+    let mut header = before.clone();
+    let mut finished = false;
+    size_rows(ui, &mut header);
+    caption(ui, "Beyond the edge");
+    let wraps = [Wrap::Repeat, Wrap::RepeatU, Wrap::Clamp];
+    let now = wraps.iter().position(|w| *w == header.wrap).unwrap_or(0);
+    if let Some(i) = choices(ui, "Wrap", &["Repeats", "Repeats in u", "Ends"], now) {
+        header.wrap = wraps[i];
+        finished = true;
+    }
+    caption(ui, "Adjust the whole map");
+    for (name, range, value, default, tip) in [
+        (
+            "alpha_x factor",
+            0.01..=100.0,
+            &mut header.adjust.alpha_x,
+            1.0,
+            "Multiplies every alpha_x.",
+        ),
+        (
+            "alpha_y factor",
+            0.01..=100.0,
+            &mut header.adjust.alpha_y,
+            1.0,
+            "Multiplies every alpha_y.",
+        ),
+        (
+            "Turn",
+            -180.0..=180.0,
+            &mut header.adjust.turn,
+            0.0,
+            "Turns every direction, degrees counter-clockwise.",
+        ),
+    ] {
+        let unit = if name == "Turn" { "\u{b0}" } else { "" };
+        let bar = Bar::new(name, range).default(default).unit(unit);
+        let turned = turn(ui, bar, tip, shown(*value));
+        if let Some(new) = turned.value {
+            *value = new as f32;
+        }
+        finished |= turned.finished;
+    }
+    finished |= material_rows(ui, &mut header.material);
+    ui.horizontal(|ui| {
+        ui.label("Seed");
+        let field = egui::DragValue::new(&mut header.seed)
+            .range(0..=SEED_MAX)
+            .speed(1.0);
+        let response = ui
+            .add(field)
+            .on_hover_text("What all randomness comes from.");
+        finished |= response.drag_stopped() || response.lost_focus();
+    });
+    if header != before {
+        let done = desk.studio.set_header("Document", header);
+        desk.redraw = desk.redraw.or(Redraw::Sharp);
+        desk.told(done);
+    }
+    seal(desk, finished);
+}
+
+fn size_rows(ui: &mut Ui, header: &mut Header) {
+    caption(ui, "Size in texels");
+    ui.horizontal(|ui| {
+        let [w, h] = header.size;
+        egui::ComboBox::from_id_salt("size")
+            .width(120.0)
+            .selected_text(format!("{w} x {h}"))
+            .show_ui(ui, |ui| {
+                for side in [256u32, 512, 1024, 2048, 4096, 8192] {
+                    let size = [
+                        side,
+                        (u64::from(side) * u64::from(h) / u64::from(w)).clamp(1, 16384) as u32,
+                    ];
+                    let text = format!("{} x {}  ({})", size[0], size[1], memory(size));
+                    if ui.selectable_label(size == header.size, text).clicked() {
+                        header.size = size;
+                    }
+                }
+            })
+            .response
+            .on_hover_text(
+                "The map's size. Patterns and strokes are drawn anew: nothing gets blurred.",
+            );
+        ui.label(egui::RichText::new(memory(header.size)).color(Palette::of(ui).weak));
+    });
+    let ratio = f64::from(header.size[0]) / f64::from(header.size[1]);
+    let mut own = header.aspect.is_some();
+    ui.horizontal(|ui| {
+        if ui.checkbox(&mut own, "Aspect of its own").on_hover_text("Width over height of one turn of UV on the surface, where it is not that of the texels.").changed() {
+            header.aspect = own.then_some(ratio as f32);
+        }
+    });
+    if let Some(aspect) = &mut header.aspect {
+        let turned = turn(
+            ui,
+            Bar::new("Aspect", 0.1..=10.0),
+            "Width over height of one turn of UV on the surface.",
+            shown(*aspect),
+        );
+        if let Some(value) = turned.value {
+            *aspect = value as f32;
+        }
+    }
+}
+
+/// About what a map of a size takes while it is worked on.
+pub(crate) fn memory(size: [u32; 2]) -> String {
+    // Four planes of the map, their copy for drawing, levels, and the layers' caches.
+    let bytes = u64::from(size[0]) * u64::from(size[1]) * 72;
+    bytes_text(bytes)
+}
+
+/// Bytes as people read them.
+pub(crate) fn bytes_text(bytes: u64) -> String {
+    let mib = bytes as f64 / (1u64 << 20) as f64;
+    if mib >= 1024.0 {
+        format!("{:.1} GiB", mib / 1024.0)
+    } else {
+        format!("{mib:.0} MiB")
+    }
+}
+
+/// `true` when a change is complete.
+fn material_rows(ui: &mut Ui, material: &mut Material) -> bool {
+    caption(ui, "Colours");
+    let mut finished = false;
+    for (name, colour, tip) in [
+        (
+            "Specular",
+            &mut material.specular,
+            "Ward's rho_s: how much the gloss reflects, red, green, blue.",
+        ),
+        (
+            "Diffuse",
+            &mut material.diffuse,
+            "Ward's rho_d: how much is scattered every way.",
+        ),
+        (
+            "Ambient",
+            &mut material.ambient,
+            "How much of the light from all around comes back.",
+        ),
+    ] {
+        ui.horizontal(|ui| {
+            let (rect, _) = ui.allocate_exact_size(vec2(18.0, 18.0), egui::Sense::hover());
+            let srgb =
+                colour.map(|c| (anisomap::preview::srgb_from_linear(c) * 255.0).round() as u8);
+            ui.painter()
+                .rect_filled(rect, 3, egui::Color32::from_rgb(srgb[0], srgb[1], srgb[2]));
+            left_label(ui, 58.0, egui::RichText::new(name));
+            let width = (ui.available_width() - 8.0) / 3.0;
+            ui.spacing_mut().item_spacing.x = 4.0;
+            for (i, letter) in ["R", "G", "B"].into_iter().enumerate() {
+                let mut value = shown(colour[i]);
+                let bar = Bar::new(letter, 0.0..=1.0)
+                    .width(width)
+                    .show(ui, &mut value);
+                if bar.response.changed() {
+                    colour[i] = value as f32;
+                }
+                finished |= bar.finished;
+                bar.response
+                    .accessible_name(format!("{name} {letter}"))
+                    .on_hover_text(tip);
+            }
+        });
+    }
+    finished
+}
+
+// ----- The history. -----
+
+fn history_panel(ui: &mut Ui, desk: &mut Desk) {
+    let (undone, redone) = desk.studio.history().labels();
+    let undone: Vec<String> = undone.map(str::to_owned).collect();
+    let redone: Vec<String> = redone.map(str::to_owned).collect();
+    if undone.is_empty() && redone.is_empty() {
+        ui.label(egui::RichText::new("Nothing was changed yet.").color(Palette::of(ui).weak));
+        return;
+    }
+    ui.label(
+        egui::RichText::new(format!(
+            "{}: {}    {}: {}",
+            Action::Undo.name(),
+            desk.keymap.keys_text(Action::Undo),
+            Action::Redo.name(),
+            desk.keymap.keys_text(Action::Redo)
+        ))
+        .small()
+        .color(Palette::of(ui).weak),
+    );
+    let (mut back, mut forth) = (0, 0);
+    // The latest on top: what was taken back above it, in the order in which it would be done again.
+    for (i, label) in redone.iter().enumerate() {
+        let text = egui::RichText::new(label)
+            .color(Palette::of(ui).weak)
+            .italics();
+        if ui
+            .selectable_label(false, text)
+            .on_hover_text("Does everything up to here again.")
+            .clicked()
+        {
+            forth = redone.len() - i;
+        }
+    }
+    for (i, label) in undone.iter().rev().enumerate() {
+        if ui
+            .selectable_label(i == 0, label)
+            .on_hover_text("Takes back everything that came after.")
+            .clicked()
+        {
+            back = i;
+        }
+    }
+    for _ in 0..back {
+        let done = desk.studio.undo();
+        desk.told(done);
+    }
+    for _ in 0..forth {
+        let done = desk.studio.redo();
+        desk.told(done);
+    }
+}

@@ -1,0 +1,482 @@
+//! The window, driven as a user drives it, without a display.
+
+mod renderer;
+
+use super::app::App;
+use super::canvas::Kind;
+use super::desk::Panes;
+use super::dialogs::Dialog;
+use anisomap::recipe::{RecipeFile, Source};
+use anisomap::studio::action::Action;
+use anisomap::studio::hand::ToolKind;
+use anisomap::studio::keymap::Chord;
+use anisomap::studio::settings::{Folders, Settings};
+use eframe::egui::accesskit::Role;
+use eframe::egui::{Event, Key, Modifiers, Pos2, Vec2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use renderer::CpuRenderer;
+use std::path::Path;
+use std::time::Duration;
+use tempfile::TempDir;
+
+type Window = Harness<'static, App>;
+
+const SMALL: &str = "version = 1
+name = \"small\"
+size = 64
+[[layers]]
+name = \"ground\"
+[layers.brushed]
+angle = 30
+[[layers]]
+name = \"paint\"
+[layers.strokes]
+";
+
+fn app(folder: &Path, text: &str) -> App {
+    let file = RecipeFile::parse(text, "small.toml", None).unwrap();
+    let folders = Folders::below(folder);
+    let mut app = App::new(
+        (file, None),
+        Settings {
+            hint_closed: true,
+            ..Settings::default()
+        },
+        Some(folders),
+    )
+    .unwrap();
+    app.desk.native_dialogs = false;
+    app
+}
+
+fn window_of(app: App, size: Vec2) -> Window {
+    let mut window = Harness::builder()
+        .with_size(size)
+        .with_max_steps(64)
+        .renderer(CpuRenderer::default())
+        .build_ui_state(|ui, app: &mut App| app.frame(ui), app);
+    settle(&mut window);
+    window
+}
+
+fn window() -> (Window, TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let app = app(folder.path(), SMALL);
+    (window_of(app, vec2(1200.0, 760.0)), folder)
+}
+
+/// Steps until the map is made.
+fn settle(window: &mut Window) {
+    for _ in 0..400 {
+        window.step();
+        if window.state().desk.working.is_none() {
+            window.step();
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    panic!("the map is never done");
+}
+
+fn press(window: &mut Window, keys: &str) {
+    let chord: Chord = keys.parse().unwrap();
+    let key = Key::from_name(&chord.key).unwrap();
+    let modifiers = Modifiers {
+        ctrl: chord.ctrl,
+        command: chord.ctrl,
+        alt: chord.alt,
+        shift: chord.shift,
+        ..Modifiers::NONE
+    };
+    window.key_press_modifiers(modifiers, key);
+    window.step();
+    window.step();
+}
+
+/// Holds these keys from now on.
+fn hold(window: &mut Window, modifiers: Modifiers) {
+    window.event(Event::ModifiersChanged(modifiers));
+    window.step();
+}
+
+/// Drags over the canvas, from and to as parts of its sides.
+fn stroke(window: &mut Window, from: (f32, f32), to: (f32, f32)) {
+    let rect = window.get_by_label("Paint canvas").rect();
+    let at = |(x, y): (f32, f32)| {
+        Pos2::new(
+            rect.left() + x * rect.width(),
+            rect.top() + y * rect.height(),
+        )
+    };
+    let (from, to) = (at(from), at(to));
+    window.hover_at(from);
+    window.step();
+    window.drag_at(from);
+    window.step();
+    for i in 1..=8 {
+        window.hover_at(from + (to - from) * (i as f32 / 8.0));
+        window.step();
+    }
+    window.drop_at(to);
+    window.step();
+    window.step();
+}
+
+fn button(window: &Window, label: &str) {
+    window.get_by_role_and_label(Role::Button, label).click();
+}
+
+fn field<'a>(window: &'a Window, label: &'a str) -> egui_kittest::Node<'a> {
+    window.get_by_role_and_label(Role::TextInput, label)
+}
+
+fn strokes(window: &Window) -> usize {
+    let layers = &window.state().desk.studio.recipe().layers;
+    let of = |source: &Source| match source {
+        Source::Strokes(strokes) => strokes.strokes.len(),
+        _ => 0,
+    };
+    layers.iter().map(|l| of(&l.source)).sum()
+}
+
+/// The map's widths and directions, to be compared.
+fn map(window: &Window) -> Vec<f32> {
+    let map = window.state().desk.studio.map();
+    [map.alpha_x(), map.alpha_y(), map.cos2(), map.sin2()].concat()
+}
+
+#[test]
+fn a_stroke_is_painted_undone_and_done_again() {
+    let (mut window, _folder) = window();
+    let before = map(&window);
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.5));
+    assert_eq!(
+        strokes(&window),
+        1,
+        "{:?}",
+        window.state().desk.messages.texts()
+    );
+    let painted = map(&window);
+    assert_ne!(before, painted);
+    press(&mut window, "Ctrl+Z");
+    assert_eq!(strokes(&window), 0);
+    assert!(map(&window) == before, "undo is identity");
+    press(&mut window, "Ctrl+Y");
+    assert!(map(&window) == painted);
+    press(&mut window, "Ctrl+Z");
+    press(&mut window, "Ctrl+Shift+Z");
+    assert!(map(&window) == painted, "both keys redo");
+}
+
+#[test]
+fn ctrl_paints_the_inverse_and_shift_a_straight_line() {
+    let (mut window, _folder) = window();
+    stroke(&mut window, (0.35, 0.5), (0.6, 0.5));
+    let after_first = map(&window);
+    let rect = window.get_by_label("Paint canvas").rect();
+    hold(&mut window, Modifiers::SHIFT);
+    let to = rect.lerp_inside(vec2(0.6, 0.7));
+    window.hover_at(to);
+    window.step();
+    window.drag_at(to);
+    window.step();
+    window.drop_at(to);
+    window.step();
+    hold(&mut window, Modifiers::NONE);
+    window.step();
+    assert_eq!(strokes(&window), 2);
+    assert_ne!(map(&window), after_first);
+    hold(&mut window, Modifiers::CTRL | Modifiers::COMMAND);
+    stroke(&mut window, (0.35, 0.5), (0.6, 0.5));
+    hold(&mut window, Modifiers::NONE);
+    let layers = &window.state().desk.studio.recipe().layers;
+    let Source::Strokes(all) = &layers[1].source else {
+        panic!()
+    };
+    assert_eq!(all.strokes[2].brush().tool.name(), "erase");
+}
+
+#[test]
+fn escape_takes_the_stroke_in_flight_away() {
+    let (mut window, _folder) = window();
+    let before = map(&window);
+    let rect = window.get_by_label("Paint canvas").rect();
+    window.drag_at(rect.lerp_inside(vec2(0.4, 0.5)));
+    window.step();
+    window.hover_at(rect.lerp_inside(vec2(0.6, 0.5)));
+    window.step();
+    assert!(window.state().canvas.is_drawing());
+    press(&mut window, "Escape");
+    assert!(!window.state().canvas.is_drawing());
+    window.drop_at(rect.lerp_inside(vec2(0.6, 0.5)));
+    window.step();
+    assert!(strokes(&window) == 0 && map(&window) == before);
+}
+
+#[test]
+fn a_parameter_is_changed_with_a_bar_and_by_typing() {
+    let (mut window, _folder) = window();
+    window.get_by_label("Layer ground").click();
+    window.run_steps(2);
+    let before = map(&window);
+    let bar = window.get_by_label("Angle").rect();
+    window.drag_at(bar.lerp_inside(vec2(0.5, 0.5)));
+    window.step();
+    window.hover_at(bar.lerp_inside(vec2(0.75, 0.5)));
+    window.step();
+    window.drop_at(bar.lerp_inside(vec2(0.75, 0.5)));
+    settle(&mut window);
+    assert_ne!(map(&window), before);
+    assert_eq!(
+        window.state().desk.studio.history().len().0,
+        1,
+        "one drag is one step"
+    );
+    press(&mut window, "Ctrl+Z");
+    settle(&mut window);
+    assert!(map(&window) == before);
+}
+
+#[test]
+fn every_key_of_every_action_reaches_it() {
+    let (window, _folder) = window();
+    let keymap = &window.state().desk.keymap;
+    for action in Action::ALL {
+        for chord in keymap.chords(*action) {
+            let key = Key::from_name(&chord.key).unwrap_or_else(|| panic!("{chord} is a key"));
+            assert_eq!(Key::from_name(key.name()), Some(key));
+            assert_eq!(keymap.action(chord), Some(*action));
+        }
+    }
+}
+
+#[test]
+fn keys_do_what_the_list_says() {
+    let (mut window, _folder) = window();
+    for kind in ToolKind::ALL {
+        let keys = window.state().desk.keymap.chords(kind.action())[0].to_string();
+        press(&mut window, &keys);
+        assert_eq!(window.state().desk.hand.kind(), kind, "{keys}");
+    }
+    for kind in Kind::ALL {
+        let keys = window.state().desk.keymap.chords(kind.action())[0].to_string();
+        press(&mut window, &keys);
+        assert_eq!(window.state().canvas.kind, kind, "{keys}");
+    }
+    press(&mut window, "M");
+    assert_eq!(window.state().canvas.kind, Kind::Lit);
+    press(&mut window, "C");
+    assert_eq!(window.state().canvas.kind, Kind::AlphaX);
+    press(&mut window, "B");
+    let radius = window.state().desk.hand.brush().radius;
+    press(&mut window, "]");
+    assert!(window.state().desk.hand.brush().radius > radius);
+    press(&mut window, "[");
+    let hardness = window.state().desk.hand.brush().hardness;
+    press(&mut window, "Shift+]");
+    assert!(window.state().desk.hand.brush().hardness > hardness);
+    press(&mut window, "Tab");
+    assert!(!window.state().desk.panels);
+    press(&mut window, "Tab");
+    assert!(window.state().desk.panels);
+    press(&mut window, "F3");
+    assert_eq!(window.state().desk.panes, Panes::Canvas);
+    press(&mut window, "F2");
+    press(&mut window, "F1");
+    assert!(matches!(window.state().dialog, Some(Dialog::Shortcuts(_))));
+    press(&mut window, "Escape");
+    assert!(window.state().dialog.is_none());
+}
+
+#[test]
+fn every_action_can_be_done_at_any_time_without_harm() {
+    let (mut window, _folder) = window();
+    for action in Action::ALL.iter().filter(|a| **a != Action::Quit) {
+        window.state_mut().desk.ask(*action);
+        window.run_steps(3);
+        window.state_mut().dialog = None;
+        window.state_mut().desk.panels = true;
+        window.state_mut().desk.panes = Panes::Both;
+        settle(&mut window);
+    }
+}
+
+#[test]
+fn layers_are_added_hidden_duplicated_and_taken_away() {
+    let (mut window, _folder) = window();
+    let names = |w: &Window| {
+        w.state()
+            .desk
+            .studio
+            .recipe()
+            .layers
+            .iter()
+            .map(|l| l.name().to_owned())
+            .collect::<Vec<_>>()
+    };
+    press(&mut window, "Ctrl+J");
+    settle(&mut window);
+    assert_eq!(names(&window).len(), 3);
+    press(&mut window, "Delete");
+    settle(&mut window);
+    assert_eq!(names(&window), ["ground", "paint"]);
+    window.get_by_label("Visible ground").click();
+    settle(&mut window);
+    assert!(!window.state().desk.studio.recipe().layers[0].visible);
+    press(&mut window, "Ctrl+[");
+    settle(&mut window);
+    assert_eq!(names(&window), ["paint", "ground"]);
+}
+
+#[test]
+fn what_is_saved_is_what_generate_reads() {
+    let (mut window, folder) = window();
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    let painted = map(&window);
+    press(&mut window, "Ctrl+S");
+    assert!(matches!(window.state().dialog, Some(Dialog::File(_))));
+    let path = folder.path().join("saved.toml");
+    field(&window, "Path").click();
+    window.step();
+    press(&mut window, "Ctrl+A");
+    field(&window, "Path").type_text(&path.display().to_string());
+    window.run_steps(2);
+    button(&window, "Save");
+    window.run_steps(3);
+    assert!(
+        !window.state().desk.studio.document().is_changed(),
+        "{:?}",
+        window.state().desk.messages.texts()
+    );
+    let file = RecipeFile::read(&path).unwrap();
+    let recipe = file.recipe();
+    let none = anisomap::progress::Progress::none();
+    let made = recipe
+        .prepare(recipe.size, &file.files(false), &none)
+        .unwrap()
+        .map(&none)
+        .unwrap();
+    let made = [made.alpha_x(), made.alpha_y(), made.cos2(), made.sin2()].concat();
+    assert!(made == painted, "the saved recipe makes the same bytes");
+}
+
+#[test]
+fn saving_where_nothing_can_be_saved_keeps_the_work() {
+    let (mut window, folder) = window();
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    let file = folder.path().join("file");
+    std::fs::write(&file, "x").unwrap();
+    let ctx = window.ctx.clone();
+    window.state_mut().save(&ctx, &file.join("below.toml"));
+    window.step();
+    window.run_steps(3);
+    let desk = &window.state().desk;
+    assert!(desk.studio.document().is_changed());
+    assert!(
+        desk.messages
+            .texts()
+            .iter()
+            .any(|t| t.contains("cannot write")),
+        "{:?}",
+        desk.messages.texts()
+    );
+    button(&window, "Close message");
+    window.run_steps(2);
+    assert!(window.state().desk.messages.texts().is_empty());
+    assert_eq!(strokes(&window), 1);
+}
+
+#[test]
+fn closing_with_work_that_is_not_saved_asks() {
+    let (mut window, _folder) = window();
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    press(&mut window, "Ctrl+Q");
+    assert!(matches!(window.state().dialog, Some(Dialog::Unsaved(_))));
+    button(&window, "Cancel");
+    window.run_steps(2);
+    assert!(window.state().dialog.is_none());
+    assert_eq!(strokes(&window), 1);
+}
+
+#[test]
+fn work_that_was_left_behind_is_offered_and_taken_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let painted = {
+        let mut window = window_of(app(folder.path(), SMALL), vec2(1200.0, 760.0));
+        stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+        stroke(&mut window, (0.35, 0.4), (0.65, 0.45));
+        map(&window)
+        // Dropped without an end, as a program that is killed.
+    };
+    let mut window = window_of(app(folder.path(), SMALL), vec2(1200.0, 760.0));
+    assert!(matches!(window.state().dialog, Some(Dialog::Recover(_))));
+    button(&window, "Recover");
+    window.run_steps(3);
+    settle(&mut window);
+    assert_eq!(strokes(&window), 2);
+    assert!(map(&window) == painted);
+    assert!(window.state().desk.studio.document().is_changed());
+}
+
+#[test]
+fn an_export_writes_its_files_and_tells_what_was_lost() {
+    let (mut window, folder) = window();
+    press(&mut window, "Ctrl+Shift+E");
+    let out = folder.path().join("out");
+    field(&window, "Folder").click();
+    window.step();
+    press(&mut window, "Ctrl+A");
+    field(&window, "Folder").type_text(&out.display().to_string());
+    window.run_steps(2);
+    button(&window, "Export");
+    for _ in 0..2000 {
+        window.step();
+        match &window.state().dialog {
+            Some(Dialog::Export(export)) if !export.is_working() => break,
+            _ => std::thread::sleep(Duration::from_millis(5)),
+        }
+    }
+    window.step();
+    assert!(
+        out.join("small.exr").is_file(),
+        "{:?}",
+        std::fs::read_dir(&out).map(|d| d.flatten().map(|e| e.path()).collect::<Vec<_>>())
+    );
+    assert!(out.join("small.glb").is_file());
+    window.get_by_label_contains("read back");
+}
+
+#[test]
+fn a_preset_opens_as_a_document() {
+    let (mut window, _folder) = window();
+    press(&mut window, "Ctrl+P");
+    window.run_steps(2);
+    window.get_by_label("Preset canvas").click();
+    window.run_steps(3);
+    settle(&mut window);
+    assert_eq!(window.state().desk.studio.recipe().name, "canvas");
+}
+
+#[test]
+fn the_window_stays_still_when_nothing_happens() {
+    let (mut window, _folder) = window();
+    // The picture gets better up to the reference; then nothing asks for another frame.
+    for _ in 0..3000 {
+        window.step();
+        if window.state().desk.studio.viewport().quality().is_reference {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(window.state().desk.studio.viewport().quality().is_reference);
+    window.run_steps(4);
+    let delay = window
+        .output()
+        .viewport_output
+        .values()
+        .map(|v| v.repaint_delay)
+        .min()
+        .unwrap();
+    assert!(delay > Duration::from_secs(3600), "{delay:?}");
+}

@@ -1,0 +1,419 @@
+//! The column of tools on the left, and the bar above with the numbers of the tool in the hand.
+
+use super::desk::Desk;
+use super::icons::Icon;
+use super::theme::Palette;
+use super::widgets::{Bar, icon_button, left_label};
+use anisomap::map::{ALPHA_MAX, ALPHA_MIN};
+use anisomap::paint::{Keep, Tool};
+use anisomap::studio::action::Action;
+use anisomap::studio::hand::{Mirror, RADIUS_RANGE, ToolKind};
+use eframe::egui::{self, Ui, vec2};
+
+/// The icon of a tool.
+pub(crate) fn icon(kind: ToolKind) -> Icon {
+    match kind {
+        ToolKind::Groove => Icon::Groove,
+        ToolKind::Comb => Icon::Comb,
+        ToolKind::Smooth => Icon::Smooth,
+        ToolKind::Roughen => Icon::Roughen,
+        ToolKind::Polish => Icon::Polish,
+        ToolKind::SetAlpha => Icon::SetAlpha,
+        ToolKind::SetDirection => Icon::SetDirection,
+        ToolKind::Erase => Icon::Erase,
+        ToolKind::Fill => Icon::Fill,
+        ToolKind::Scratch => Icon::Scratch,
+        ToolKind::Pick => Icon::Pick,
+        ToolKind::Guide => Icon::Guide,
+    }
+}
+
+/// The column.
+pub(crate) fn column(ui: &mut Ui, desk: &mut Desk) {
+    ui.spacing_mut().item_spacing = vec2(0.0, 3.0);
+    ui.add_space(6.0);
+    ui.vertical_centered(|ui| {
+        for kind in ToolKind::ALL {
+            if matches!(kind, ToolKind::SetAlpha | ToolKind::Erase | ToolKind::Pick) {
+                ui.add_space(7.0);
+            }
+            let action = kind.action();
+            let button = icon_button(ui, icon(kind), kind.name(), 34.0, desk.hand.kind() == kind);
+            let tip = format!("{}\n{}", kind.name(), desk.tip(action));
+            if button.on_hover_text(tip).clicked() {
+                desk.ask(action);
+            }
+        }
+    });
+}
+
+/// The bar.
+pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
+    ui.spacing_mut().item_spacing.x = 6.0;
+    let kind = desk.hand.kind();
+    let (rect, _) = ui.allocate_exact_size(vec2(22.0, 22.0), egui::Sense::hover());
+    icon(kind).paint(ui.painter(), rect, Palette::of(ui).accent);
+    left_label(ui, 84.0, egui::RichText::new(kind.name()).strong());
+    if !kind.paints() {
+        let text = match kind {
+            ToolKind::Pick => {
+                "Click the canvas: every tool takes the widths and the direction that are there."
+            }
+            _ => {
+                "Click a guide to select it, drag its handles; add guides in the panel on the right."
+            }
+        };
+        ui.label(egui::RichText::new(text).color(Palette::of(ui).weak));
+        return;
+    }
+    if kind != ToolKind::Fill {
+        size_and_flow(ui, desk);
+        ui.add_space(6.0);
+    }
+    of_tool(ui, desk);
+    ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+        symmetry(ui, desk)
+    });
+}
+
+fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
+    let mut size = f64::from(desk.hand.brush().radius) * 2.0;
+    let range = f64::from(RADIUS_RANGE[0]) * 2.0..=f64::from(RADIUS_RANGE[1]) * 2.0;
+    let tip = tips(
+        desk,
+        "Breadth of the brush in surface units: 1 is the height of the map.",
+        &[Action::SizeDown, Action::SizeUp, Action::DragSize],
+    );
+    let bar = Bar::new("Size", range).width(126.0).show(ui, &mut size);
+    if bar.response.changed() {
+        desk.hand.set_radius(size as f32 / 2.0);
+    }
+    bar.response.on_hover_text(tip);
+    let tip = tips(
+        desk,
+        "Where the fall toward the rim begins.",
+        &[Action::HardnessDown, Action::HardnessUp],
+    );
+    part_bar(
+        ui,
+        "Hardness",
+        118.0,
+        tip,
+        &mut desk.hand.brush_mut().hardness,
+    );
+    let tip = tips(
+        desk,
+        "How much of its work one stroke does.",
+        &[Action::FlowDown, Action::FlowUp, Action::DragFlow],
+    );
+    part_bar(ui, "Flow", 96.0, tip, &mut desk.hand.brush_mut().flow);
+}
+
+/// A sentence, and the actions that do the same with their keys.
+pub(crate) fn tips(desk: &Desk, text: &str, actions: &[Action]) -> String {
+    let keys = actions
+        .iter()
+        .map(|a| format!("{}: {}", a.name(), desk.keymap.keys_text(*a)));
+    std::iter::once(text.to_owned())
+        .chain(keys)
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+fn part_bar(ui: &mut Ui, name: &str, width: f32, tip: String, value: &mut f32) {
+    let mut number = f64::from(*value);
+    let bar = Bar::new(name, 0.0..=1.0)
+        .percent()
+        .width(width)
+        .show(ui, &mut number);
+    if bar.response.changed() {
+        *value = number as f32;
+    }
+    bar.response.on_hover_text(tip);
+}
+
+fn alpha_bar(ui: &mut Ui, name: &str, tip: &str, value: &mut f32) {
+    let mut number = shown(*value);
+    let range = f64::from(ALPHA_MIN)..=f64::from(ALPHA_MAX);
+    let bar = Bar::new(name, range).width(124.0).show(ui, &mut number);
+    if bar.response.changed() {
+        *value = number as f32;
+    }
+    bar.response.on_hover_text(tip);
+}
+
+/// An f32 as it was written.
+pub(crate) fn shown(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+/// A width that may be left alone.
+fn optional_alpha(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<f32>, default: f32) {
+    let mut on = value.is_some();
+    if ui
+        .checkbox(&mut on, "")
+        .on_hover_text(format!(
+            "Whether {name} is painted; else it stays as it is."
+        ))
+        .changed()
+    {
+        *value = on.then_some(default);
+    }
+    match value {
+        Some(value) => alpha_bar(ui, name, tip, value),
+        None => {
+            ui.add_enabled_ui(false, |ui| alpha_bar(ui, name, tip, &mut default.clone()));
+        }
+    }
+}
+
+fn swap(ui: &mut Ui, desk_tip: String) -> bool {
+    icon_button(ui, Icon::Swap, Action::SwapAlphas.name(), 22.0, false)
+        .on_hover_text(desk_tip)
+        .clicked()
+}
+
+const ALONG: &str = "Slope width along the stroke, which becomes alpha_x. Small is smooth: the highlight is narrow this way.";
+const ACROSS: &str = "Slope width across the stroke, which becomes alpha_y. Large is rough: the highlight stretches this way.";
+
+fn of_tool(ui: &mut Ui, desk: &mut Desk) {
+    let swap_tip = desk.tip(Action::SwapAlphas);
+    let mut swapped = false;
+    let angle_tip = "Angle of the x axis in degrees, counter-clockwise from +U.";
+    match &mut desk.hand.brush_mut().tool {
+        Tool::Groove(g) => {
+            alpha_bar(ui, "Along", ALONG, &mut g.along);
+            swapped = swap(ui, swap_tip);
+            alpha_bar(ui, "Across", ACROSS, &mut g.across);
+        }
+        Tool::Scratch(s) => {
+            alpha_bar(ui, "Along", ALONG, &mut s.along);
+            swapped = swap(ui, swap_tip);
+            alpha_bar(ui, "Across", ACROSS, &mut s.across);
+            number_bar(
+                ui,
+                "Density",
+                1.0..=200.0,
+                "How many scratches on a way as long as the brush is broad.",
+                &mut s.density,
+            );
+            number_bar(
+                ui,
+                "Length",
+                0.001..=1.0,
+                "Mean length of a scratch, surface units.",
+                &mut s.length,
+            );
+        }
+        Tool::SetAlpha(s) => {
+            optional_alpha(
+                ui,
+                "alpha_x",
+                "Slope width along the x axis.",
+                &mut s.alpha_x,
+                0.08,
+            );
+            swapped = swap(ui, swap_tip);
+            optional_alpha(
+                ui,
+                "alpha_y",
+                "Slope width across the x axis.",
+                &mut s.alpha_y,
+                0.35,
+            );
+        }
+        Tool::Fill(f) => {
+            optional_alpha(
+                ui,
+                "alpha_x",
+                "Slope width along the x axis.",
+                &mut f.alpha_x,
+                0.08,
+            );
+            swapped = swap(ui, swap_tip);
+            optional_alpha(
+                ui,
+                "alpha_y",
+                "Slope width across the x axis.",
+                &mut f.alpha_y,
+                0.35,
+            );
+            let mut on = f.angle.is_some();
+            if ui
+                .checkbox(&mut on, "")
+                .on_hover_text("Whether the direction is filled; else it stays as it is.")
+                .changed()
+            {
+                f.angle = on.then_some(0.0);
+            }
+            if let Some(angle) = &mut f.angle {
+                number_bar(ui, "Angle", -180.0..=180.0, angle_tip, angle);
+            }
+        }
+        Tool::SetDirection(s) => number_bar(ui, "Angle", -180.0..=180.0, angle_tip, &mut s.angle),
+        Tool::Smooth(s) => number_bar(
+            ui,
+            "Reach",
+            0.0005..=0.1,
+            "How far around itself a texel looks, surface units.",
+            &mut s.reach,
+        ),
+        Tool::Roughen(r) => {
+            number_bar(
+                ui,
+                "Factor",
+                0.1..=10.0,
+                "What both widths are multiplied by.",
+                &mut r.factor,
+            );
+            let keep = [("ratio", Keep::Ratio), ("area", Keep::Area)];
+            ui.label("keeps");
+            for (word, value) in keep {
+                let tip = match value {
+                    Keep::Ratio => "Both widths grow or shrink: the lobe keeps its shape.",
+                    Keep::Area => {
+                        "One grows as the other shrinks: the lobe is stretched or made round."
+                    }
+                };
+                ui.selectable_value(&mut r.keep, value, word)
+                    .on_hover_text(tip);
+            }
+        }
+        Tool::Comb | Tool::Erase => {}
+    }
+    if swapped {
+        desk.hand.swap_alphas();
+    }
+}
+
+fn number_bar(
+    ui: &mut Ui,
+    name: &str,
+    range: std::ops::RangeInclusive<f64>,
+    tip: &str,
+    value: &mut f32,
+) {
+    let mut number = shown(*value);
+    let unit = if name == "Angle" { "\u{b0}" } else { "" };
+    let bar = Bar::new(name, range)
+        .unit(unit)
+        .width(116.0)
+        .show(ui, &mut number);
+    if bar.response.changed() {
+        *value = number as f32;
+    }
+    bar.response.on_hover_text(tip);
+}
+
+fn symmetry(ui: &mut Ui, desk: &mut Desk) {
+    for (icon, action, on) in [
+        (
+            Icon::Hand,
+            Action::ToggleStabiliser,
+            desk.hand.stabiliser > 0.0,
+        ),
+        (Icon::Radial, Action::ToggleRadial, desk.hand.copies >= 2),
+        (
+            Icon::Mirror,
+            Action::ToggleMirror,
+            desk.hand.mirror != Mirror::Off,
+        ),
+    ] {
+        let button = icon_button(ui, icon, action.name(), 26.0, on);
+        if button.on_hover_text(desk.tip(action)).clicked() {
+            desk.ask(action);
+        }
+    }
+}
+
+/// The rest of the brush: what is set once and then left.
+pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
+    let brush = desk.hand.brush_mut();
+    let row = |ui: &mut Ui,
+               name: &str,
+               range: std::ops::RangeInclusive<f64>,
+               tip: &str,
+               value: &mut f32| {
+        let mut number = shown(*value);
+        let bar = Bar::new(name, range).percent().show(ui, &mut number);
+        if bar.response.changed() {
+            *value = number as f32;
+        }
+        bar.response.on_hover_text(tip);
+    };
+    super::widgets::caption(ui, "Stroke");
+    row(
+        ui,
+        "Spacing",
+        0.0..=3.0,
+        "The way from dab to dab as a part of the brush's breadth; 0 is a line without gaps.",
+        &mut brush.spacing,
+    );
+    row(
+        ui,
+        "Jitter",
+        0.0..=3.0,
+        "How far dabs stray from the path, as a part of the radius. Needs spacing.",
+        &mut brush.jitter,
+    );
+    row(
+        ui,
+        "Size at no pressure",
+        0.0..=1.0,
+        "What is left of the size when the pen hardly presses; 100% means that pressure does not change it.",
+        &mut brush.pressure.size,
+    );
+    row(
+        ui,
+        "Flow at no pressure",
+        0.0..=1.0,
+        "What is left of the flow when the pen hardly presses; 100% means that pressure does not change it.",
+        &mut brush.pressure.flow,
+    );
+    let tip = tips(
+        desk,
+        "The pointer pulls the brush by a string: a trembling hand draws a calm line. 100% is a string of six radii.",
+        &[Action::ToggleStabiliser],
+    );
+    let mut calm = f64::from(desk.hand.stabiliser);
+    let bar = Bar::new("Stabiliser", 0.0..=1.0)
+        .percent()
+        .show(ui, &mut calm);
+    if bar.response.changed() {
+        desk.hand.stabiliser = calm as f32;
+    }
+    bar.response.on_hover_text(tip);
+    super::widgets::caption(ui, "Symmetry");
+    let modes = [Mirror::Off, Mirror::U, Mirror::V, Mirror::Both];
+    let now = modes
+        .iter()
+        .position(|m| *m == desk.hand.mirror)
+        .unwrap_or(0);
+    if let Some(i) =
+        super::widgets::choices(ui, "Mirror", &["Off", "Left/right", "Up/down", "Both"], now)
+    {
+        desk.hand.mirror = modes[i];
+    }
+    let mut copies = f64::from(desk.hand.copies.max(1));
+    let bar = Bar::new("Copies around the middle", 1.0..=64.0)
+        .integer(true)
+        .show(ui, &mut copies);
+    if bar.response.changed() {
+        desk.hand.copies = if copies < 2.0 { 0 } else { copies as u32 };
+    }
+    let tip = tips(
+        desk,
+        "Every stroke so many times around the middle.",
+        &[Action::ToggleRadial],
+    );
+    bar.response.on_hover_text(tip);
+    for (i, name) in ["Middle u", "Middle v"].into_iter().enumerate() {
+        let mut at = shown(desk.hand.symmetry_center[i]);
+        let bar = Bar::new(name, 0.0..=1.0).default(0.5).show(ui, &mut at);
+        if bar.response.changed() {
+            desk.hand.symmetry_center[i] = at as f32;
+        }
+        bar.response
+            .on_hover_text("Where the mirrors stand and what copies go around, in UV.");
+    }
+}

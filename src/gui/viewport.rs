@@ -1,0 +1,657 @@
+//! The 3D view: the mesh under light, the hand on camera and lamps, and models side by side.
+
+use super::canvas::{pressure, put, ring, strip};
+use super::desk::{Desk, Redraw};
+use super::icons::Icon;
+use super::theme::Palette;
+use super::widgets::{Bar, icon_button, overlay_text};
+use anisomap::brdf::Model;
+use anisomap::map::{Rect as Pixels, Size};
+use anisomap::paint::{Point, Symmetry, surface_scale};
+use anisomap::preview::{Look, Measure, Rig, Scene};
+use anisomap::raster::Camera;
+use anisomap::studio::action::Action;
+use anisomap::studio::hand::ToolKind;
+use anisomap::studio::orbit::{Button, Drag, Orbit, turn_lights};
+use anisomap::studio::view::Probe;
+use anisomap::studio::{Edit, Header, Hit, Show};
+use eframe::egui::{
+    self, Align2, Color32, ColorImage, CornerRadius, Event, Modifiers, PointerButton, Pos2, Rect,
+    Response, Role, Sense, TextureHandle, Ui, WidgetInfo, pos2, vec2,
+};
+use glam::Vec2;
+use std::time::{Duration, Instant};
+
+/// The built-in meshes, as recipes name them.
+pub(crate) const MESHES: [&str; 6] = ["torus", "pot", "sphere", "plane", "cylinder", "disc"];
+/// How long nothing must happen before the picture is drawn better.
+const REST: Duration = Duration::from_millis(180);
+
+/// The 3D view and what it remembers.
+pub(crate) struct ViewportPane {
+    texture: Option<TextureHandle>,
+    pixels: Vec<Color32>,
+    /// When something last changed.
+    touched: Instant,
+    moving: bool,
+    /// The second look, kept while one alone is shown.
+    other: Look,
+    /// Where the pen of the stroke in flight is, pixels of the picture, and its pressure.
+    drawing: Option<(Vec2, f32)>,
+    /// Where the last stroke ended, and as seen from where.
+    last_end: Option<(Vec2, Camera)>,
+    /// What the pointer points at.
+    hit: Option<Hit>,
+    pub(crate) probe: Option<Probe>,
+    /// How long a surface unit is on the mesh.
+    unit: Option<f32>,
+    pub(crate) rect: Rect,
+}
+
+impl Default for ViewportPane {
+    fn default() -> Self {
+        Self {
+            texture: None,
+            pixels: Vec::new(),
+            touched: Instant::now(),
+            moving: false,
+            other: Look {
+                model: Model::Ward,
+                mean: true,
+            },
+            drawing: None,
+            last_end: None,
+            hit: None,
+            probe: None,
+            unit: None,
+            rect: Rect::NOTHING,
+        }
+    }
+}
+
+impl ViewportPane {
+    pub(crate) fn show(&mut self, ui: &mut Ui, desk: &mut Desk) {
+        self.strip(ui, desk);
+        let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+        response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, "3D view"));
+        self.rect = rect;
+        ui.painter()
+            .rect_filled(rect, CornerRadius::ZERO, Palette::of(ui).backdrop);
+        self.look_under_pointer(ui, &response, desk);
+        if !self.paint_with_pen(ui, &response, desk) {
+            self.navigate(ui, &response, desk);
+        }
+        self.draw(ui, desk, rect);
+        if let Some(texture) = &self.texture {
+            let uv = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            ui.painter().image(texture.id(), rect, uv, Color32::WHITE);
+        }
+        self.captions(ui, desk, rect);
+        self.cursor(ui, &response, desk);
+    }
+
+    fn strip(&mut self, ui: &mut Ui, desk: &mut Desk) {
+        strip(ui, |ui| {
+            mesh_choice(ui, desk);
+            let show = desk.studio.viewport().show();
+            let mut first = show.looks()[0];
+            let mut chosen = show;
+            if look_choice(ui, "Model", &mut first) {
+                chosen = with_first(show, first);
+            }
+            let modes = ["One model", "Side by side", "Difference"];
+            let now = match show {
+                Show::One(_) => 0,
+                Show::Pair(..) => 1,
+                Show::Difference(..) => 2,
+            };
+            egui::ComboBox::from_id_salt("compare")
+                .width(84.0)
+                .selected_text(modes[now])
+                .show_ui(ui, |ui| {
+                    for (i, mode) in modes.iter().enumerate() {
+                        if ui.selectable_label(i == now, *mode).clicked() {
+                            chosen = as_mode(i, first, self.other);
+                        }
+                    }
+                })
+                .response
+                .on_hover_text(desk.tip(Action::Compare));
+            if now > 0 {
+                let mut second = self.other;
+                if look_choice(ui, "Second model", &mut second) {
+                    self.other = second;
+                    chosen = as_mode(now, first, second);
+                }
+            }
+            if chosen != show {
+                self.set_show(desk, chosen);
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let frame = icon_button(ui, Icon::Frame, Action::FrameAll.name(), 24.0, false);
+                if frame.on_hover_text(desk.tip(Action::FrameAll)).clicked() {
+                    desk.ask(Action::FrameAll);
+                }
+                let sun = icon_button(ui, Icon::Sun, "Lights", 24.0, false).on_hover_text(format!(
+                    "Ready-made lights and the light from all around. Shift and a drag with the right button turn them; {}",
+                    desk.tip(Action::ResetLight)
+                ));
+                egui::Popup::menu(&sun)
+                    .close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside)
+                    .show(|ui| lights_menu(ui, desk));
+                // Beside a second model there may be no room for it; its keys work all the same.
+                let room = ui.available_width();
+                if room > 76.0 {
+                    exposure(ui, desk, room.min(108.0));
+                }
+            });
+        });
+    }
+
+    fn set_show(&mut self, desk: &mut Desk, show: Show) {
+        desk.studio.viewport_mut().set_show(show);
+        self.touch(desk, Redraw::Sharp);
+    }
+
+    fn touch(&mut self, desk: &mut Desk, redraw: Redraw) {
+        self.touched = Instant::now();
+        desk.redraw = desk.redraw.or(redraw);
+    }
+
+    /// The next model in the list.
+    pub(crate) fn next_model(&mut self, desk: &mut Desk) {
+        let show = desk.studio.viewport().show();
+        let mut first = show.looks()[0];
+        let at = Model::ALL
+            .iter()
+            .position(|m| *m == first.model)
+            .unwrap_or(0);
+        first.model = Model::ALL[(at + 1) % Model::ALL.len()];
+        self.set_show(desk, with_first(show, first));
+    }
+
+    /// Two models side by side, or one again; or how they differ.
+    pub(crate) fn toggle_compare(&mut self, desk: &mut Desk, difference: bool) {
+        let show = desk.studio.viewport().show();
+        let first = show.looks()[0];
+        let mode = match (show, difference) {
+            (Show::Pair(..), false) | (Show::Difference(..), true) => 0,
+            (_, false) => 1,
+            (_, true) => 2,
+        };
+        self.set_show(desk, as_mode(mode, first, self.other));
+    }
+
+    // ----- The pen. -----
+
+    /// Pixels of the picture of a place on the screen.
+    fn pixel(&self, ui: &Ui, at: Pos2) -> Vec2 {
+        let from = (at - self.rect.min) * ui.pixels_per_point();
+        Vec2::new(from.x, from.y)
+    }
+
+    fn look_under_pointer(&mut self, ui: &Ui, response: &Response, desk: &Desk) {
+        if desk.news.new_map {
+            self.unit = None;
+        }
+        (self.hit, self.probe) = (None, None);
+        let turning = self.drawing.is_none() && response.is_pointer_button_down_on() && self.moving;
+        if let Some(pointer) = response.hover_pos().filter(|_| !turning) {
+            self.hit = desk.studio.pick(self.pixel(ui, pointer));
+            let uv = self.hit.map(|h| h.uv.as_dvec2());
+            self.probe = uv.and_then(|uv| Probe::at(desk.studio.map(), uv));
+        }
+    }
+
+    /// Paints where the pointer drags over the mesh; `true` while it does.
+    fn paint_with_pen(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) -> bool {
+        let (modifiers, pressed, down) = ui.input(|i| {
+            (
+                i.modifiers,
+                i.pointer.primary_pressed(),
+                i.pointer.primary_down(),
+            )
+        });
+        if let Some(from) = self.drawing {
+            self.pen_moves(ui, desk, from);
+            if !down {
+                self.drawing = None;
+                desk.end_stroke();
+            }
+            return true;
+        }
+        let Some(hit) = self
+            .hit
+            .filter(|_| pressed && response.contains_pointer() && !modifiers.alt)
+        else {
+            return false;
+        };
+        match desk.hand.kind() {
+            ToolKind::Pick => {
+                if let Some(p) = &self.probe {
+                    desk.hand.pick(p.alpha_x, p.alpha_y, p.angle_degrees);
+                }
+                true
+            }
+            ToolKind::Guide => false,
+            kind => self.pen_down(ui, desk, kind, hit, modifiers),
+        }
+    }
+
+    fn pen_down(
+        &mut self,
+        ui: &Ui,
+        desk: &mut Desk,
+        kind: ToolKind,
+        hit: Hit,
+        modifiers: Modifiers,
+    ) -> bool {
+        let Some(pointer) = ui.input(|i| i.pointer.interact_pos()) else {
+            return false;
+        };
+        if !desk.ready_layer() {
+            return true;
+        }
+        let mut brush = desk
+            .hand
+            .stroke_brush(modifiers.command && !modifiers.shift);
+        let seed = desk.stroke_seed();
+        if kind == ToolKind::Fill {
+            // The whole map, wherever it is asked for.
+            let begun = desk.studio.begin_stroke(brush.into(), seed);
+            if let (Some(()), Some(point)) = (desk.told(begun), Point::new(hit.uv, 1.0)) {
+                desk.studio.stroke_to(point);
+                desk.end_stroke();
+            }
+            return true;
+        }
+        if brush.symmetry != Symmetry::None {
+            brush.symmetry = Symmetry::None;
+            desk.messages
+                .news("Mirror and copies are for strokes on the canvas: this one is alone");
+        }
+        let begun = desk.studio.begin_mesh_stroke(&brush, seed);
+        if desk.told(begun).is_some() {
+            let here = (self.pixel(ui, pointer), pressure(ui));
+            let camera = desk.studio.scene().camera;
+            let line_from = self
+                .last_end
+                .filter(|(_, seen)| modifiers.shift && *seen == camera);
+            let from = line_from.map_or(here, |(place, _)| (place, here.1));
+            desk.studio.mesh_stroke_along(from, here);
+            self.drawing = Some(here);
+            self.last_end = Some((here.0, camera));
+        }
+        true
+    }
+
+    fn pen_moves(&mut self, ui: &Ui, desk: &mut Desk, mut from: (Vec2, f32)) {
+        let force = pressure(ui);
+        let motions: Vec<Pos2> = ui.input(|i| {
+            let moved = i.events.iter().filter_map(|e| match e {
+                Event::PointerMoved(at) => Some(*at),
+                _ => None,
+            });
+            moved.collect()
+        });
+        for at in motions {
+            let to = (self.pixel(ui, at), force);
+            if to.0 != from.0 {
+                desk.studio.mesh_stroke_along(from, to);
+                from = to;
+            }
+        }
+        self.drawing = Some(from);
+        self.last_end = Some((from.0, desk.studio.scene().camera));
+    }
+
+    /// Takes the stroke in flight away; `true` when there was one.
+    pub(crate) fn cancel(&mut self, desk: &mut Desk) -> bool {
+        let was = self.drawing.take().is_some();
+        if was {
+            desk.studio.cancel_stroke();
+        }
+        was
+    }
+
+    /// The brush where it would paint.
+    fn cursor(&mut self, ui: &Ui, response: &Response, desk: &Desk) {
+        let pointer = response.hover_pos().or(response.interact_pointer_pos());
+        let (Some(hit), Some(pointer)) = (self.hit, pointer) else {
+            return;
+        };
+        if !desk.hand.kind().paints() || ui.input(|i| i.modifiers.alt) {
+            return;
+        }
+        let studio = &desk.studio;
+        let unit = *self.unit.get_or_insert_with(|| {
+            let aspect = studio.recipe().aspect_at(studio.map().size());
+            surface_scale(studio.mesh(), Vec2::new(aspect, 1.0))
+        });
+        let brush = desk.hand.brush();
+        let radius = brush.radius * unit / hit.pixel.max(1e-9) / ui.pixels_per_point();
+        let painter = ui.painter_at(self.rect);
+        ring(&painter, pointer, radius, 1.0);
+        if brush.hardness < 0.99 && radius > 8.0 {
+            ring(&painter, pointer, radius * brush.hardness, 0.45);
+        }
+    }
+
+    fn navigate(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) {
+        let modifiers = ui.input(|i| i.modifiers);
+        let held = [
+            (PointerButton::Primary, Button::Left),
+            (PointerButton::Middle, Button::Middle),
+            (PointerButton::Secondary, Button::Right),
+        ];
+        let pressed = held.into_iter().find(|(b, _)| response.dragged_by(*b));
+        let drag = pressed.and_then(|(_, b)| {
+            desk.settings
+                .navigation
+                .drag(b, modifiers.command, modifiers.alt, modifiers.shift)
+        });
+        let delta = response.drag_delta() / self.rect.height().max(1.0);
+        let by = Vec2::new(delta.x, delta.y);
+        let mut scene = None;
+        match drag {
+            // A drag that begins beside the mesh paints nothing: it turns, as in every viewer.
+            Some(Drag::Turn | Drag::Tool) => scene = Some(turned(desk, |o| o.turn(by))),
+            Some(Drag::Pan) => scene = Some(turned(desk, |o| o.pan(by))),
+            Some(Drag::Zoom) => scene = Some(turned(desk, |o| o.zoom(-20.0 * by.y))),
+            Some(Drag::Light) => {
+                let mut lit = desk.studio.scene().clone();
+                let camera = lit.camera;
+                turn_lights(&mut lit.lights, &camera, by);
+                scene = Some(lit);
+            }
+            None => {}
+        }
+        if response.hovered() {
+            let (wheel, pinch) = ui.input(|i| (i.smooth_scroll_delta.y, i.zoom_delta()));
+            let steps = wheel / 40.0 + pinch.ln() * 9.0;
+            if steps != 0.0 {
+                scene = Some(turned(desk, |o| o.zoom(steps)));
+            }
+        }
+        let moves = drag.is_some() && drag != Some(Drag::Light);
+        if let Some(scene) = scene.filter(|s| s != desk.studio.scene()) {
+            desk.studio.set_scene(scene);
+            self.touch(desk, if moves { Redraw::Moving } else { Redraw::Sharp });
+            self.moving |= moves;
+        }
+        if self.moving && !ui.input(|i| i.pointer.any_down()) {
+            self.moving = false;
+            self.touch(desk, Redraw::Sharp);
+        }
+    }
+
+    fn draw(&mut self, ui: &Ui, desk: &mut Desk, rect: Rect) {
+        let scale = ui.pixels_per_point();
+        let side = |points: f32| (points * scale).round() as u32;
+        let Ok(size) = Size::new(side(rect.width()), side(rect.height())) else {
+            return;
+        };
+        if desk.studio.viewport().size() != size {
+            desk.studio.viewport_mut().resize(size);
+            self.touch(desk, Redraw::Sharp);
+        }
+        let mut parts = Vec::new();
+        let redraw = std::mem::take(&mut desk.redraw);
+        if redraw != Redraw::Nothing {
+            self.touched = Instant::now();
+            let drawn = desk.studio.draw(redraw == Redraw::Moving);
+            parts = desk.told(drawn).unwrap_or_default();
+            if !parts.is_empty() {
+                desk.draw_time = desk.studio.viewport().time();
+            }
+        } else if desk.news.picture {
+            parts = vec![size.rect()];
+        }
+        for part in parts {
+            self.upload(ui, desk, size, part);
+        }
+        self.refine_when_idle(ui, desk);
+    }
+
+    /// A better picture once nothing has happened for a moment.
+    fn refine_when_idle(&mut self, ui: &Ui, desk: &mut Desk) {
+        let viewport = desk.studio.viewport();
+        if self.moving
+            || viewport.is_refining()
+            || viewport.quality().is_reference
+            || desk.working.is_some()
+        {
+            return;
+        }
+        let rested = self.touched.elapsed();
+        if ui.input(|i| i.pointer.any_down()) {
+            return; // the release repaints
+        }
+        if rested >= REST {
+            desk.studio.refine();
+            if desk.studio.viewport().is_refining() {
+                ui.ctx().request_repaint_after(Duration::from_millis(60));
+            }
+        } else {
+            ui.ctx().request_repaint_after(REST - rested);
+        }
+    }
+
+    fn upload(&mut self, ui: &Ui, desk: &Desk, size: Size, part: Pixels) {
+        let all = desk.studio.viewport().pixels();
+        let line = size.width() as usize * 3;
+        self.pixels.clear();
+        for y in part.y..part.y + part.height {
+            let start = y as usize * line + part.x as usize * 3;
+            let row = &all[start..start + part.width as usize * 3];
+            self.pixels.extend(
+                row.chunks_exact(3)
+                    .map(|c| Color32::from_rgb(c[0], c[1], c[2])),
+            );
+        }
+        let image = ColorImage::new(
+            [part.width as usize, part.height as usize],
+            std::mem::take(&mut self.pixels),
+        );
+        put(ui, &mut self.texture, "viewport", size, part, image);
+    }
+
+    fn captions(&self, ui: &Ui, desk: &Desk, rect: Rect) {
+        let painter = ui.painter_at(rect);
+        let show = desk.studio.viewport().show();
+        let looks = show.looks();
+        if let Show::Pair(..) = show {
+            let half = rect.width() * 0.5;
+            for (i, look) in looks.iter().enumerate() {
+                let at = pos2(rect.left() + half * (i as f32 + 0.5), rect.top() + 10.0);
+                overlay_text(&painter, at, Align2::CENTER_TOP, &look.caption());
+            }
+            let x = rect.center().x;
+            painter.vline(
+                x,
+                rect.y_range(),
+                egui::Stroke::new(1.0, Color32::from_black_alpha(200)),
+            );
+        }
+        if let (Show::Difference(a, b, _), Some(scale)) = (show, desk.studio.viewport().scale()) {
+            let text = format!(
+                "{}  \u{2212}  {}:  0 to {scale:.3} \u{394}E",
+                a.caption(),
+                b.caption()
+            );
+            overlay_text(
+                &painter,
+                rect.center_top() + vec2(0.0, 10.0),
+                Align2::CENTER_TOP,
+                &text,
+            );
+        }
+        if desk.working.is_some() {
+            overlay_text(
+                &painter,
+                rect.right_top() + vec2(-10.0, 10.0),
+                Align2::RIGHT_TOP,
+                "making the map",
+            );
+        }
+    }
+}
+
+fn turned(desk: &Desk, change: impl FnOnce(&mut Orbit)) -> Scene {
+    let mut scene = desk.studio.scene().clone();
+    let mut orbit = Orbit::of(&scene.camera);
+    change(&mut orbit);
+    scene.camera = orbit.camera();
+    scene
+}
+
+fn with_first(show: Show, first: Look) -> Show {
+    match show {
+        Show::One(_) => Show::One(first),
+        Show::Pair(_, b) => Show::Pair(first, b),
+        Show::Difference(_, b, measure) => Show::Difference(first, b, measure),
+    }
+}
+
+fn as_mode(mode: usize, first: Look, second: Look) -> Show {
+    match mode {
+        0 => Show::One(first),
+        1 => Show::Pair(first, second),
+        _ => Show::Difference(first, second, Measure::DeltaE),
+    }
+}
+
+fn mesh_choice(ui: &mut Ui, desk: &mut Desk) {
+    let now = desk.studio.mesh().name.clone();
+    let mut chosen = None;
+    egui::ComboBox::from_id_salt("mesh")
+        .width(64.0)
+        .selected_text(mesh_name(&now))
+        .show_ui(ui, |ui| {
+            for mesh in MESHES {
+                if ui.selectable_label(mesh == now, mesh_name(mesh)).clicked() {
+                    chosen = Some(mesh);
+                }
+            }
+            ui.separator();
+            if ui.button(Action::LoadMesh.name()).clicked() {
+                desk.ask(Action::LoadMesh);
+            }
+        })
+        .response
+        .on_hover_text(format!(
+            "The mesh that the map is shown on. {}",
+            desk.tip(Action::NextMesh)
+        ));
+    if let Some(mesh) = chosen {
+        set_mesh(desk, mesh);
+    }
+}
+
+/// Shows the map on another mesh, which the recipe remembers.
+pub(crate) fn set_mesh(desk: &mut Desk, mesh: &str) {
+    let mut header = Header::of(desk.studio.recipe());
+    header.mesh = Some(mesh.to_owned());
+    desk.edit(
+        "Mesh",
+        vec![Edit::SetHeader {
+            header: Box::new(header),
+        }],
+        None,
+    );
+}
+
+fn mesh_name(mesh: &str) -> String {
+    let mut letters = mesh.chars();
+    letters
+        .next()
+        .map_or(String::new(), |f| f.to_uppercase().chain(letters).collect())
+}
+
+/// Chooses a model, with the map or with its mean; `true` when another was chosen.
+fn look_choice(ui: &mut Ui, name: &str, look: &mut Look) -> bool {
+    let before = *look;
+    egui::ComboBox::from_id_salt(name).width(88.0).selected_text(look.caption()).show_ui(ui, |ui| {
+        for mean in [false, true] {
+            for model in Model::ALL {
+                if mean && model == Model::Lambert {
+                    continue;
+                }
+                let one = Look { model, mean };
+                ui.selectable_value(look, one, one.caption());
+            }
+            if !mean {
+                ui.separator();
+            }
+        }
+    }).response.on_hover_text("The reflection model. Without \u{201c}map\u{201d} it has the map's mean lobe all over (J for the next).");
+    *look != before
+}
+
+fn exposure(ui: &mut Ui, desk: &mut Desk, width: f32) {
+    let mut stops = f64::from(desk.studio.scene().exposure);
+    let bar = Bar::new("Exposure", -6.0..=6.0)
+        .default(0.0)
+        .width(width)
+        .show(ui, &mut stops);
+    let tip = format!(
+        "Exposure in stops. {} {}",
+        desk.tip(Action::ExposureDown),
+        desk.tip(Action::ExposureUp)
+    );
+    let changed = bar.response.changed();
+    bar.response.on_hover_text(tip);
+    if changed {
+        set_exposure(desk, stops as f32);
+    }
+}
+
+fn lights_menu(ui: &mut Ui, desk: &mut Desk) {
+    ui.set_width(220.0);
+    for (rig, name, about) in [
+        (
+            Rig::Studio,
+            "Studio",
+            "A key light, a weaker one, and one from behind.",
+        ),
+        (
+            Rig::Key,
+            "Key light",
+            "One light: one highlight, to be measured or compared.",
+        ),
+        (Rig::Lamp, "Lamp", "A lamp near the surface."),
+    ] {
+        if ui.button(name).on_hover_text(about).clicked() {
+            set_lights(desk, rig);
+        }
+    }
+    let mut ambient = f64::from(desk.studio.scene().ambient[0]);
+    let bar = Bar::new("Ambient", 0.0..=4.0)
+        .default(1.0)
+        .show(ui, &mut ambient);
+    let changed = bar.response.changed() || bar.finished;
+    bar.response
+        .on_hover_text("Light from all around, which the material's ambient colour gives back.");
+    if changed {
+        let mut scene = desk.studio.scene().clone();
+        scene.ambient = [ambient as f32; 3];
+        desk.studio.set_scene(scene);
+        desk.redraw = desk.redraw.or(Redraw::Sharp);
+    }
+}
+
+/// Puts ready-made lights where the camera now sees them best.
+pub(crate) fn set_lights(desk: &mut Desk, rig: Rig) {
+    let mut scene = desk.studio.scene().clone();
+    scene.lights = Scene::with_rig(desk.studio.mesh(), rig).lights;
+    desk.studio.set_scene(scene);
+    desk.redraw = desk.redraw.or(Redraw::Sharp);
+}
+
+/// Sets the exposure, within its range.
+pub(crate) fn set_exposure(desk: &mut Desk, stops: f32) {
+    let mut scene = desk.studio.scene().clone();
+    scene.exposure = stops.clamp(-16.0, 16.0);
+    desk.studio.set_scene(scene);
+    desk.redraw = desk.redraw.or(Redraw::Sharp);
+}
