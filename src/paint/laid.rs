@@ -158,7 +158,7 @@ pub(super) fn pieces(stroke: &Stroke, ground: &Ground) -> Vec<Piece<Vec2>> {
         let mut trail = Trail::new(brush, stroke.seed());
         for point in points {
             trail.push(ground.node(brush, *point), |p| {
-                copies.each(p, |p| found.push(p))
+                copies.each(p, |p| found.push(p));
             });
         }
         trail.tail(|p| copies.each(p, |p| found.push(p)));

@@ -414,7 +414,7 @@ impl Gather {
         let Some((frame, _)) = Frame::new(normal, tangent.extend(sign)) else {
             return;
         };
-        if self.used % LANES == 0 {
+        if self.used.is_multiple_of(LANES) {
             self.full.push(Places {
                 texel: [NOWHERE; LANES],
                 at: [[0.0; LANES]; 3],

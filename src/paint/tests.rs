@@ -846,7 +846,7 @@ mod on_mesh {
             );
             let mut frames = vec![None; surface.size.texels()];
             each_place(&surface, &skin, |i, at, _, frame| {
-                frames[i] = Some((at, frame))
+                frames[i] = Some((at, frame));
             });
             let (mut met, mut worst) = (0, 0.0f32);
             let rect = surface.size.rect();
