@@ -1151,7 +1151,7 @@ mod tests {
         fails(
             "packed = ['AAAAAA']",
             &[
-                "line 4",
+                "line 3",
                 "layers.0.strokes",
                 "packed.0",
                 "number of points is 0",
@@ -1163,7 +1163,7 @@ mod tests {
         );
         fails(
             "packed = []\n[[layers.strokes.brushes]]\nradius = -1.0",
-            &["line 5", "layers.0.strokes.brushes.0", "radius is -1"],
+            &["layers.0.strokes", "radius is -1", "0.00001 to 10"],
         );
         fails(
             "packed = []\n[[layers.strokes.brushes]]\ntool = 'groov'",
