@@ -284,7 +284,7 @@ impl App {
                         &self.desk,
                         self.canvas.zoom(),
                         self.canvas.probe.as_ref().or(self.viewport.probe.as_ref()),
-                    )
+                    );
                 });
             });
         let plain = Frame::new().fill(fill);
@@ -647,13 +647,13 @@ impl App {
             },
             Action::SaveAs => self.ask_where_to_save(Purpose::SaveAs),
             Action::Import => {
-                self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Import, here)))
+                self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Import, here)));
             }
             Action::LoadMesh => {
-                self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Mesh, here)))
+                self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Mesh, here)));
             }
             Action::Export => {
-                self.dialog = Some(Dialog::Export(Box::new(ExportDialog::new(&self.desk))))
+                self.dialog = Some(Dialog::Export(Box::new(ExportDialog::new(&self.desk))));
             }
             Action::ExportAgain => {
                 let mut export = ExportDialog::new(&self.desk);

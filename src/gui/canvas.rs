@@ -883,7 +883,7 @@ impl CanvasPane {
             }
             Kind::Coverage => {
                 self.overlay
-                    .show_coverage(ui, painter, self.rect, desk, camera, map_changed)
+                    .show_coverage(ui, painter, self.rect, desk, camera, map_changed);
             }
             Kind::Lint => {
                 let busy = self.drawing.is_some();

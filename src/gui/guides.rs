@@ -107,7 +107,7 @@ impl GuideHand {
         }
         let uv = (sheet.to_uv)(pointer);
         let near = |g: &Guide| g.distance(uv, aspect) * sheet.unit < NEAR_OUTLINE;
-        let found = guides.guide.iter().rposition(|g| near(g));
+        let found = guides.guide.iter().rposition(near);
         self.selected = found.or_else(|| guides.guide.iter().rposition(|g| g.contains(uv, aspect)));
         self.held = self
             .selected

@@ -21,9 +21,9 @@ pub(crate) fn pressed(ctx: &Context, keymap: &Keymap) -> Vec<Action> {
                     modifiers,
                 } => {
                     let action = reached(keymap, *key, *physical_key, *modifiers)?;
-                    let free = !(typing && belongs_to_text(*key, *modifiers))
-                        && !(focused && moves_focus(*key));
-                    (free && (!repeat || may_repeat(action))).then_some(action)
+                    let taken = (typing && belongs_to_text(*key, *modifiers))
+                        || (focused && moves_focus(*key));
+                    (!taken && (!repeat || may_repeat(action))).then_some(action)
                 }
                 _ => None,
             })

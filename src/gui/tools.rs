@@ -72,7 +72,7 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
     }
     of_tool(ui, desk);
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-        symmetry(ui, desk)
+        symmetry(ui, desk);
     });
 }
 

@@ -153,8 +153,8 @@ impl Codes {
         if c >= 1.0 {
             return 255;
         }
-        if !(c >= f32::from_bits(Self::LOW)) {
-            return 0; // NaN too
+        if c.is_nan() || c < f32::from_bits(Self::LOW) {
+            return 0;
         }
         let mut code =
             self.first[(c.to_bits() >> Self::SHIFT) as usize - (Self::LOW >> Self::SHIFT) as usize];

@@ -307,7 +307,7 @@ impl Active {
         }
         let made: Vec<_> = missing
             .into_par_iter()
-            .map(|number| (number, self.from_nothing(number, n)))
+            .map(|number| (number, self.tile_from_nothing(number, n)))
             .collect();
         self.tiles.extend(made);
     }
@@ -381,7 +381,7 @@ impl Active {
     }
 
     /// A tile after the first `n` strokes, with what lies below it there.
-    fn from_nothing(&self, number: u32, n: usize) -> Option<Arc<Tile>> {
+    fn tile_from_nothing(&self, number: u32, n: usize) -> Option<Arc<Tile>> {
         let rect = self.rect_of(number);
         let mut below = Region::constant(self.painting.needs_for(0..n, rect), DEFAULT_TEXEL);
         self.read_below(&mut below);

@@ -227,7 +227,7 @@ impl Viewport {
             match frame.draw(subject, &scene, look, timings, &Progress::none())? {
                 Redrawn::Nothing => {}
                 Redrawn::Tiles(_) => {
-                    dirty.extend(frame.touched().iter().map(|r| Rect { x: r.x + off, ..*r }))
+                    dirty.extend(frame.touched().iter().map(|r| Rect { x: r.x + off, ..*r }));
                 }
                 Redrawn::Light | Redrawn::Everything => whole = true,
             }
