@@ -54,6 +54,16 @@ pub enum Error {
         /// What the system said.
         source: io::Error,
     },
+    /// Something other than a file that the machine does not give: a window, a thread. Exit code 3.
+    #[error("{what}: {problem}{}", hint_text(.hint))]
+    Machine {
+        /// What it does not give, as a clause: `no window can be opened`.
+        what: String,
+        /// What the system said.
+        problem: String,
+        /// What to do, as a sentence.
+        hint: Option<String>,
+    },
     /// The user stopped the work; nothing half-written is left. Exit code 1.
     #[error("cancelled; no unfinished file was left behind")]
     Cancelled,
@@ -90,7 +100,9 @@ impl Error {
     /// The same error with a sentence that says what to do; kept as it is where the kind of error has no place for one.
     #[must_use]
     pub fn with_hint(mut self, sentence: impl Into<String>) -> Self {
-        if let Self::Invalid { hint, .. } | Self::File { hint, .. } = &mut self {
+        if let Self::Invalid { hint, .. } | Self::File { hint, .. } | Self::Machine { hint, .. } =
+            &mut self
+        {
             *hint = Some(sentence.into());
         }
         self
@@ -108,12 +120,22 @@ impl Error {
         move |source| Self::Write { path, source }
     }
 
+    /// For `map_err` on what is no file: `spawn(work).map_err(Error::machine("no thread can be started"))`.
+    pub fn machine<E: Display>(what: impl Into<String>) -> impl FnOnce(E) -> Self {
+        let what = what.into();
+        move |problem| Self::Machine {
+            what,
+            problem: problem.to_string(),
+            hint: None,
+        }
+    }
+
     /// The exit code of a program that ends with this error: 1, 2 or 3.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Cancelled => 1,
             Self::Invalid { .. } | Self::File { .. } | Self::Read { .. } => 2,
-            Self::Write { .. } => 3,
+            Self::Write { .. } | Self::Machine { .. } => 3,
         }
     }
 }

@@ -41,6 +41,9 @@ impl Desk {
         let output = Command::new(env!("CARGO_BIN_EXE_anisomap"))
             .args(words)
             .current_dir(self.folder.path())
+            .env_remove("DISPLAY")
+            .env_remove("WAYLAND_DISPLAY")
+            .env_remove("WAYLAND_SOCKET")
             .output()
             .expect("the binary starts");
         let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("UTF-8");
@@ -440,10 +443,20 @@ fn inspect_warns_of_a_material_that_gives_back_more_light_than_it_gets() {
     assert!(energy("pot --size 32").is_none());
 }
 
+/// Elsewhere a window needs no variable, and would open.
+#[cfg(target_os = "linux")]
+#[test]
+fn without_a_display_the_studio_says_so() {
+    let desk = Desk::new();
+    for words in ["", "gui", "gui pot"] {
+        desk.fails(words, 3, &["no window can be opened", "anisomap --help"]);
+    }
+    desk.fails("gui pott", 2, &["`pott`", "Did you mean `pot`?"]);
+}
+
 #[test]
 fn bad_words_on_the_command_line_are_refused_with_the_nearest() {
     let desk = Desk::new();
-    desk.fails("", 2, &["Usage: anisomap"]);
     desk.fails("genrate pot -o out", 2, &["generate"]);
     desk.fails(
         "generate pott -o out",

@@ -85,8 +85,8 @@ pub(crate) fn run(word: Option<String>) -> Result<(), Error> {
         }),
     );
     shown.map_err(|e| {
-        let told = format!("no window can be opened: {e}");
-        Error::write("the screen")(std::io::Error::other(told))
+        Error::machine("no window can be opened")(e)
+            .with_hint("Every other command works without one; `anisomap --help` lists them")
     })
 }
 

@@ -67,7 +67,7 @@ impl<T: Send + 'static> Work<T> {
         let thread = std::thread::Builder::new()
             .name(name.to_owned())
             .spawn(body);
-        thread.map_err(Error::write("a new thread"))?;
+        thread.map_err(Error::machine("no thread can be started"))?;
         Ok(Self { reins, results })
     }
 

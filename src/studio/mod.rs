@@ -507,7 +507,9 @@ impl Studio {
                     mesh,
                 });
             }
-            Err(e) => self.trouble.push(Error::write("a new thread")(e)),
+            Err(e) => self
+                .trouble
+                .push(Error::machine("no thread can be started")(e)),
         }
     }
 

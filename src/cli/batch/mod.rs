@@ -98,7 +98,7 @@ fn make_all(items: &[Item], args: &BatchArgs) -> Result<Results> {
                 .build()
         })
         .collect::<Result<Vec<_>, _>>()
-        .map_err(|e| Error::write("a new thread")(std::io::Error::other(e)))?;
+        .map_err(Error::machine("no thread can be started"))?;
     thread::scope(|scope| {
         for pool in &pools {
             scope.spawn(|| {
