@@ -178,30 +178,27 @@ impl Level {
         most
     }
 
-    fn step_row(&self, cpu: Cpu, part: usize, y: usize, length: f32, out: &mut [f32]) -> f32 {
-        let near = self.neighbours(&self.field[part], y);
+    fn equation(&self, part: usize, y: usize) -> Equation<'_> {
         let range = y * self.width..(y + 1) * self.width;
-        let row = Equation {
+        Equation {
             weight: &self.weight[range.clone()],
             wanted: &self.wanted[part][range],
             across: self.across,
             upward: self.upward,
             edges: self.edges(),
-        };
+        }
+    }
+
+    fn step_row(&self, cpu: Cpu, part: usize, y: usize, length: f32, out: &mut [f32]) -> f32 {
+        let near = self.neighbours(&self.field[part], y);
+        let row = self.equation(part, y);
         dispatch!(cpu, simd => jacobi(simd, &near, &row, length, out))
     }
 
     /// The residual of a row.
     fn residual_row(&self, cpu: Cpu, part: usize, y: usize, out: &mut [f32]) {
         let near = self.neighbours(&self.field[part], y);
-        let range = y * self.width..(y + 1) * self.width;
-        let row = Equation {
-            weight: &self.weight[range.clone()],
-            wanted: &self.wanted[part][range],
-            across: self.across,
-            upward: self.upward,
-            edges: self.edges(),
-        };
+        let row = self.equation(part, y);
         dispatch!(cpu, simd => residual(simd, &near, &row, out));
     }
 

@@ -2,11 +2,10 @@
 
 use super::camera::Camera2d;
 use super::levels::{Levels, Plane};
+use super::pixel_ranges;
 use super::sampler::Sampler;
-use super::{BAND, pixel_ranges};
 use crate::error::{Error, Result};
 use crate::map::{Rect, Size, Wrap};
-use rayon::prelude::*;
 
 /// How opaque the colour is where the layer covers all.
 const OPACITY: f32 = 0.62;
@@ -87,19 +86,11 @@ impl Coverage {
         };
         let pixels = pixel_ranges(rect, 0);
         let sampler = Sampler::new(&plane, &self.levels, wrap, camera, pixels, false);
-        let line = 4 * rect.width as usize;
-        rgba.par_chunks_mut(line * BAND)
-            .enumerate()
-            .for_each(|(band, rgba)| {
-                let rows = band * BAND..band * BAND + rgba.len() / line;
-                let mut lines = rgba.chunks_exact_mut(line);
-                sampler.each_row(rows, |_, seen| {
-                    let out = lines.next().expect("a line for each row");
-                    for (out, [covered]) in out.chunks_exact_mut(4).zip(seen) {
-                        out.copy_from_slice(&veil(colour, OPACITY * covered.clamp(0.0, 1.0)));
-                    }
-                });
-            });
+        sampler.draw(rgba, |_, seen, out| {
+            for (out, [covered]) in out.chunks_exact_mut(4).zip(seen) {
+                out.copy_from_slice(&veil(colour, OPACITY * covered.clamp(0.0, 1.0)));
+            }
+        });
     }
 }
 

@@ -10,6 +10,7 @@ use super::camera::Camera2d;
 use super::direction;
 use super::finish;
 use super::levels::Averaged;
+use super::sampler::BAND;
 use crate::map::Size;
 use crate::math;
 use fearless_simd::{Simd, dispatch};
@@ -31,8 +32,6 @@ const LIGHT: [f32; 3] = [236.0, 236.0, 233.0];
 const CONTRAST: f32 = 0.62;
 /// Pixels of a row that are followed side by side.
 const LANES: usize = 16;
-/// Rows that one thread takes at a time.
-const BAND: usize = 16;
 
 pub(super) fn draw(canvas: &Canvas<'_>, rgba: &mut [u8]) {
     let ground = Ground::new(canvas);

@@ -4,14 +4,13 @@ use super::camera::{Camera2d, extent};
 use super::coverage::veil;
 use super::levels::{Levels, Rows};
 use super::sampler::Sampler;
-use super::{BAND, palette, pixel_ranges};
+use super::{palette, pixel_ranges};
 use crate::analyse::{Border, Marks, TexelMark};
 use crate::error::Result;
 use crate::map::{AnisoMap, Rect, Size, Wrap};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
 use glam::{DVec2, Vec2};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Degrees of the first and the last colour of a seam: what cannot be seen, and what everybody sees.
@@ -148,19 +147,11 @@ impl LintMarks {
         };
         let pixels = pixel_ranges(rect, 0);
         let sampler = Sampler::new(&marked, levels, self.wrap, camera, pixels, false);
-        let line = 4 * rect.width as usize;
-        rgba.par_chunks_mut(line * BAND)
-            .enumerate()
-            .for_each(|(band, rgba)| {
-                let rows = band * BAND..band * BAND + rgba.len() / line;
-                let mut lines = rgba.chunks_exact_mut(line);
-                sampler.each_row(rows, |_, seen| {
-                    let out = lines.next().expect("a line for each row");
-                    for (out, &shares) in out.chunks_exact_mut(4).zip(seen) {
-                        out.copy_from_slice(&mark_colour(shares, notes));
-                    }
-                });
-            });
+        sampler.draw(rgba, |_, seen, out| {
+            for (out, &shares) in out.chunks_exact_mut(4).zip(seen) {
+                out.copy_from_slice(&mark_colour(shares, notes));
+            }
+        });
     }
 
     fn pixel(&self, camera: &Camera2d, uv: Vec2, by: DVec2) -> Vec2 {

@@ -29,12 +29,9 @@ pub use scale::{AlphaRange, RatioRange};
 
 use crate::map::{AnisoMap, Rect};
 use levels::{Averaged, Levels, Rows};
-use rayon::prelude::*;
 use sampler::Sampler;
 use std::ops::Range;
 
-/// Rows of pixels that one thread takes at a time.
-const BAND: usize = 16;
 /// Lines between texels appear from so many pixels per texel on, and are whole at the second.
 const BORDERS: [f32; 2] = [7.0, 14.0];
 /// What a line between texels is drawn with, and how much of it.
@@ -155,18 +152,10 @@ impl<'a> Canvas<'a> {
     /// Draws each row with `colour`, and what is common to all views: nothing beside the map, lines between large texels.
     fn rows(&self, rgba: &mut [u8], colour: impl Fn(&[Averaged], &mut [u8]) + Sync) {
         let sampler = self.sampler(0, false);
-        let line = 4 * self.rect.width as usize;
-        rgba.par_chunks_mut(line * BAND)
-            .enumerate()
-            .for_each(|(band, rgba)| {
-                let rows = band * BAND..band * BAND + rgba.len() / line;
-                let mut lines = rgba.chunks_exact_mut(line);
-                sampler.each_row(rows, |j, seen| {
-                    let out = lines.next().expect("a line for each row");
-                    colour(seen, out);
-                    finish(&sampler, self.camera, j, out);
-                });
-            });
+        sampler.draw(rgba, |j, seen, out| {
+            colour(seen, out);
+            finish(&sampler, self.camera, j, out);
+        });
     }
 }
 

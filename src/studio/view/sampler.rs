@@ -8,7 +8,11 @@ use super::camera::Camera2d;
 use super::levels::{Levels, Rows};
 use crate::map::{Size, Wrap};
 use glam::DVec2;
+use rayon::prelude::*;
 use std::ops::Range;
+
+/// Rows of pixels that one thread takes at a time.
+pub(super) const BAND: usize = 16;
 
 /// The texels, or cells of a level, under each pixel of a row or column, with their shares of it.
 struct Taps {
@@ -175,6 +179,20 @@ impl<'a, R: Rows<N>, const N: usize> Sampler<'a, R, N> {
             }
             row(j, &seen);
         }
+    }
+
+    /// Draws all rows into pixels of four bytes: `row` gets its number, what its pixels see, and where they go.
+    pub(super) fn draw(&self, rgba: &mut [u8], row: impl Fn(usize, &[[f32; N]], &mut [u8]) + Sync) {
+        let line = 4 * self.columns.borders.len();
+        rgba.par_chunks_mut(line * BAND)
+            .enumerate()
+            .for_each(|(band, rgba)| {
+                let rows = band * BAND..band * BAND + rgba.len() / line;
+                let mut lines = rgba.chunks_exact_mut(line);
+                self.each_row(rows, |j, seen| {
+                    row(j, seen, lines.next().expect("a line for each row"));
+                });
+            });
     }
 
     /// The sum over the rows under a row of pixels.
