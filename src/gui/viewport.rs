@@ -270,7 +270,7 @@ impl ViewportPane {
             desk.messages
                 .news("Mirror and copies are for strokes on the canvas: this one is alone");
         }
-        let begun = desk.studio.begin_mesh_stroke(&brush, seed);
+        let begun = desk.studio.begin_mesh_stroke(brush.into(), seed);
         if desk.told(begun).is_some() {
             let here = (self.pixel(ui, pointer), pressure(ui));
             let camera = desk.studio.scene().camera;
@@ -550,15 +550,8 @@ fn mesh_choice(ui: &mut Ui, desk: &mut Desk) {
 
 /// Shows the map on another mesh, which the recipe remembers.
 pub(crate) fn set_mesh(desk: &mut Desk, mesh: &str) {
-    let mut header = Header::of(desk.studio.recipe());
-    header.mesh = Some(mesh.to_owned());
-    desk.edit(
-        "Mesh",
-        vec![Edit::SetHeader {
-            header: Box::new(header),
-        }],
-        None,
-    );
+    let set = desk.studio.set_mesh(mesh);
+    desk.told(set);
 }
 
 fn mesh_name(mesh: &str) -> String {

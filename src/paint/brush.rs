@@ -7,20 +7,23 @@ use serde::{Deserialize, Serialize};
 /// The most copies that a radial symmetry makes.
 pub const COPIES_MAX: u32 = 64;
 
+/// The closest that dabs stand, as a part of the breadth: a hundredth is past telling from a line.
+const SPACING_MIN: f32 = 0.01;
+
 /// Everything about a stroke but its path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Brush {
     /// What it does.
     pub tool: Tool,
-    /// Half its breadth, 0.00001 to 10; default 0.03. Of a stroke in UV in surface units (the height of one turn of UV is 1),
-    /// of a stroke on the mesh in the mesh's own units.
+    /// Half its breadth in surface units, 0.00001 to 10; default 0.03. The height of one turn of UV is 1; for a stroke on the mesh
+    /// a surface unit is as long as it is on the mesh on the whole ([`super::Skin::scale`]), as all lengths of a brush are.
     pub radius: f32,
     /// Where the fall toward the rim begins, as a part of the radius, 0 to 1; default 0.5. At 1 the rim is a texel wide.
     pub hardness: f32,
     /// How much of its work a stroke does in one go, 0 to 1; default 1. Strokes one over the other build up.
     pub flow: f32,
-    /// The way from dab to dab as a part of the brush's breadth, 0 to 10; default 0, a line without gaps.
+    /// The way from dab to dab as a part of the brush's breadth, 0.01 to 10; default 0, a line without gaps.
     pub spacing: f32,
     /// How far dabs stray from the path, as a part of the radius, 0 to 10; default 0. Means nothing without spacing.
     pub jitter: f32,
@@ -99,6 +102,16 @@ pub enum Symmetry {
 impl Symmetry {
     fn is_none(&self) -> bool {
         *self == Self::None
+    }
+
+    /// How many strokes one becomes, itself included.
+    pub(super) fn copies(&self) -> u32 {
+        match self {
+            Self::None => 1,
+            Self::MirrorU { .. } | Self::MirrorV { .. } => 2,
+            Self::MirrorBoth { .. } => 4,
+            Self::Radial { count, .. } => (*count).max(1),
+        }
     }
 }
 
@@ -339,21 +352,23 @@ impl Brush {
         in_range("radius", self.radius, 1e-5..=10.0)?;
         in_range("hardness", self.hardness, 0.0..=1.0)?;
         in_range("flow", self.flow, 0.0..=1.0)?;
-        in_range("spacing", self.spacing, 0.0..=10.0)?;
+        if self.spacing != 0.0 {
+            in_range("spacing", self.spacing, SPACING_MIN..=10.0)
+                .map_err(|e| e.with_hint("0 is a line without gaps"))?;
+        }
         in_range("jitter", self.jitter, 0.0..=10.0)?;
         in_range("pressure.size", self.pressure.size, 0.0..=1.0)?;
         in_range("pressure.flow", self.pressure.flow, 0.0..=1.0)?;
         self.symmetry.check()
     }
 
-    /// The same brush with every length times `factor`, kept to what is allowed: one for UV, made one for a mesh.
-    #[must_use]
-    pub fn scaled(&self, factor: f32) -> Self {
+    /// The same brush with every length times `factor`: one in surface units, made one in a mesh's.
+    pub(super) fn scaled(&self, factor: f32) -> Self {
         let mut brush = self.clone();
-        brush.radius = (brush.radius * factor).clamp(1e-5, 10.0);
+        brush.radius *= factor;
         if let Tool::Scratch(scratch) = &mut brush.tool {
-            scratch.length = (scratch.length * factor).clamp(1e-4, 10.0);
-            scratch.width = (scratch.width * factor).clamp(1e-5, 1.0);
+            scratch.length *= factor;
+            scratch.width *= factor;
         }
         brush
     }

@@ -36,6 +36,8 @@ enum Path {
     },
     Mesh {
         points: MeshPoints,
+        /// The brush in the mesh's units.
+        scaled: Brush,
         skin: Arc<Skin>,
         course: Course<Vec3>,
     },
@@ -67,12 +69,14 @@ impl Live {
     /// When the brush does not check.
     pub fn on_mesh(brush: Arc<Brush>, seed: u32, skin: Arc<Skin>) -> Result<Self> {
         brush.check()?;
-        let shape = solid::shape(&brush, &skin);
+        let scaled = brush.scaled(skin.scale());
+        let shape = solid::shape(&scaled, &skin);
         Ok(Self {
             ground: skin.ground,
             path: Path::Mesh {
                 points: MeshPoints::new(skin.extent()),
-                course: Course::new(Trail::new(&brush, seed), shape),
+                course: Course::new(Trail::new(&scaled, seed), shape),
+                scaled,
                 skin,
             },
             brush,
@@ -83,6 +87,11 @@ impl Live {
     /// What it paints with.
     pub fn brush(&self) -> &Arc<Brush> {
         &self.brush
+    }
+
+    /// Of jitter and scratches.
+    pub fn seed(&self) -> u32 {
+        self.seed
     }
 
     /// How many points it has.
@@ -133,6 +142,7 @@ impl Live {
         let (everywhere, whole) = (self.brush.tool.is_everywhere(), self.whole());
         let Path::Mesh {
             points,
+            scaled,
             skin,
             course,
         } = &mut self.path
@@ -143,7 +153,7 @@ impl Live {
         if everywhere || added == Added::Nothing {
             return first_only(points.len(), added, whole);
         }
-        let node = solid::node(&self.brush, points, points.len() - 1);
+        let node = solid::node(scaled, points, points.len() - 1);
         course.go_on(node, added == Added::Pressure, &**skin).0
     }
 

@@ -8,7 +8,7 @@ use super::smooth::Kernel;
 use super::solid;
 use super::trail::Piece;
 use super::{Stroke, Strokes};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::map::{Rect, Region};
 use crate::pattern::Surface;
 use crate::progress::Progress;
@@ -16,6 +16,7 @@ use glam::{IVec2, Vec2, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Strokes prepared for one surface. Strokes are added and taken away at the end in time that depends on their own length alone.
 pub struct Painting {
@@ -58,26 +59,45 @@ struct Look {
     touched: Rect,
 }
 
+/// The most pieces of a painting: a gigabyte of them.
+const PIECES_MAX: usize = 1 << 24;
 /// Pieces of a stroke that touch one tile are told as one run when no more than this lie between them.
 const GAP: u32 = 32;
 
 impl Laid {
     fn new(stroke: &Arc<Stroke>, ground: &Ground, skin: Option<&Skin>) -> Self {
         let brush = stroke.brush();
-        let on_mesh = skin.filter(|_| stroke.is_on_mesh());
+        let (shape, solid) = match skin.filter(|_| stroke.is_on_mesh()) {
+            Some(skin) => {
+                let scaled = brush.scaled(skin.scale());
+                (solid::shape(&scaled, skin), solid::pieces(stroke, &scaled))
+            }
+            None => (ground.shape(brush), Vec::new()),
+        };
         Self {
             stroke: Arc::clone(stroke),
             work: Work::of(&brush.tool),
-            shape: on_mesh.map_or(ground.shape(brush), |skin| solid::shape(brush, skin)),
+            shape,
             pieces: pieces(stroke, ground),
-            solid: on_mesh.map_or(Vec::new(), |_| solid::pieces(stroke)),
+            solid,
             bounds: None,
         }
+    }
+
+    fn weight(&self) -> usize {
+        self.pieces.len() + self.solid.len()
     }
 
     fn looks(&self) -> bool {
         self.stroke.brush().tool.reach() > 0.0
     }
+}
+
+fn too_many_pieces(most: usize) -> Error {
+    let value = format!("more than {most} lines, dabs and scratches");
+    Error::invalid("", value, "allowed: at most that many in a layer").with_hint(
+        "Space the dabs wider, make fewer copies, or spread the strokes over several layers",
+    )
 }
 
 /// The rectangle that holds both.
@@ -95,8 +115,20 @@ impl Painting {
     /// A painting of all strokes of a layer. Strokes on the mesh need it, as the surface lies on it; without they paint nothing.
     ///
     /// # Errors
-    /// [`crate::Error::Cancelled`] when `progress`, which is asked now and then, says so.
+    /// When the strokes fall into more than 16,777,216 lines, dabs and scratches, copies included: [`Error::Invalid`] whose
+    /// `what` is empty. [`Error::Cancelled`] when `progress`, which is asked now and then, says so.
     pub fn new(
+        surface: &Surface,
+        strokes: &Strokes,
+        skin: Option<Arc<Skin>>,
+        progress: &Progress<'_>,
+    ) -> Result<Self> {
+        Self::of_pieces(PIECES_MAX, surface, strokes, skin, progress)
+    }
+
+    /// As [`Painting::new`], of `most` pieces at most.
+    pub(super) fn of_pieces(
+        most: usize,
         surface: &Surface,
         strokes: &Strokes,
         skin: Option<Arc<Skin>>,
@@ -115,13 +147,17 @@ impl Painting {
             ],
             looking: Vec::new(),
         };
+        let weight = AtomicUsize::new(0);
         for some in strokes.strokes.chunks(4096) {
             progress.check()?;
             let skin = painting.skin.as_deref();
-            let laid: Vec<Laid> = some
-                .par_iter()
-                .map(|s| Laid::new(s, &ground, skin))
-                .collect();
+            let lay = |stroke| {
+                let laid = Laid::new(stroke, &ground, skin);
+                let before = weight.fetch_add(laid.weight(), Ordering::Relaxed);
+                (before + laid.weight() <= most).then_some(laid)
+            };
+            let laid: Option<Vec<Laid>> = some.par_iter().map(lay).collect();
+            let laid = laid.ok_or_else(|| too_many_pieces(most))?;
             laid.into_iter().for_each(|l| painting.sort_in(l));
         }
         Ok(painting)

@@ -96,8 +96,7 @@ impl Skin {
         &self.mesh
     }
 
-    /// How long one surface unit is in the mesh's units, on the whole: a brush of a radius in surface units has this times the
-    /// radius on the mesh.
+    /// How long one surface unit is in the mesh's units, on the whole: the lengths of a brush on the mesh are this times its own.
     pub fn scale(&self) -> f32 {
         self.scale
     }

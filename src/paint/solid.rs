@@ -14,8 +14,9 @@ use glam::Vec3;
 /// on: what a brush reaches through a thin wall or around a rim keeps its own paint.
 const FACING: (f32, f32) = (0.0, 0.25);
 
-pub(super) fn shape(brush: &Brush, skin: &Skin) -> Shape {
-    Shape::new(brush, skin.texel())
+/// What a piece of a brush covers, whose lengths are in the mesh's units.
+pub(super) fn shape(scaled: &Brush, skin: &Skin) -> Shape {
+    Shape::new(scaled, skin.texel())
 }
 
 pub(super) fn node(brush: &Brush, points: &MeshPoints, n: usize) -> Node<Vec3> {
@@ -28,9 +29,9 @@ pub(super) fn node(brush: &Brush, points: &MeshPoints, n: usize) -> Node<Vec3> {
     }
 }
 
-/// The pieces of a stroke on the mesh; none of one in UV.
-pub(super) fn pieces(stroke: &Stroke) -> Vec<Piece<Vec3>> {
-    let brush = stroke.brush();
+/// The pieces of a stroke on the mesh, whose brush is `scaled` in the mesh's units; none of one in UV.
+pub(super) fn pieces(stroke: &Stroke, scaled: &Brush) -> Vec<Piece<Vec3>> {
+    let brush = scaled;
     let mut found = Vec::new();
     if let (Points::Mesh(points), false) = (stroke.points(), brush.tool.is_everywhere()) {
         let mut trail = Trail::new(brush, stroke.seed());

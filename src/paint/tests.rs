@@ -683,12 +683,41 @@ fn mistakes_in_packed_strokes_name_what_is_wrong() {
         "[[brushes]]\nradius = 0.0",
         &["radius is 0", "0.00001 to 10"],
     );
+    fails(
+        "[[brushes]]\nspacing = 0.001",
+        &["spacing is 0.001", "0.01 to 10", "0 is a line"],
+    );
     fails("[[brushes]]\ntool = 'comp'", &["unknown variant"]);
     fails(
         "[[brushes]]\n[brushes.tool.groove]\nalong = 7.0",
         &["tool.groove.along is 7"],
     );
     fails("packd = []", &["packd"]);
+}
+
+#[test]
+fn strokes_of_too_many_pieces_are_refused() {
+    let surface = surface(64, 64, Wrap::Clamp);
+    let dotted = Arc::new(Brush {
+        spacing: 0.25,
+        radius: 0.01,
+        symmetry: Symmetry::MirrorU { at: 0.5 },
+        ..brush(Tool::Comb)
+    });
+    let ends = [Vec2::new(0.1, 0.5), Vec2::new(0.9, 0.5)].map(|at| Point::new(at, 1.0).unwrap());
+    let one = Arc::new(Stroke::new(dotted, 1, ends).unwrap());
+    let strokes = |n: usize| Strokes {
+        strokes: vec![one.clone(); n],
+        mesh: None,
+    };
+    // 0.8 in steps of 0.25 x 0.02 are 161 dabs, and as many on the other side.
+    let laid = |n| Painting::of_pieces(1000, &surface, &strokes(n), None, &Progress::none());
+    assert_eq!(laid(3).unwrap().len(), 3);
+    let wrong = laid(4).err().expect("too many").to_string();
+    assert!(
+        wrong.contains("more than 1000") && wrong.contains("Space the dabs wider"),
+        "{wrong}"
+    );
 }
 
 #[test]
@@ -762,12 +791,14 @@ mod on_mesh {
         uvs.map(at).collect()
     }
 
+    /// A stroke of a brush whose lengths are the mesh's.
     fn stroke_of(brush: &Brush, skin: &Skin, path: &[(Vec3, Vec3)]) -> Arc<Stroke> {
+        let brush = brush.scaled(1.0 / skin.scale());
         let mut points = MeshPoints::new(skin.extent());
         for (position, normal) in path {
             assert!(points.push(*position, *normal, 1.0));
         }
-        Arc::new(Stroke::on_mesh(Arc::new(brush.clone()), 3, points).unwrap())
+        Arc::new(Stroke::on_mesh(Arc::new(brush), 3, points).unwrap())
     }
 
     fn painting(surface: &Surface, skin: &Arc<Skin>, strokes: &[Arc<Stroke>]) -> Painting {
@@ -927,6 +958,35 @@ mod on_mesh {
         println!("pot: {on_wall} texels of the wall, {on_handle} of the handle, {worst} degrees");
         assert!(on_wall > 500 && on_handle > 50, "{on_wall} {on_handle}");
         assert!(worst <= 1.0, "{worst} degrees");
+    }
+
+    #[test]
+    fn a_brush_is_as_broad_on_a_mesh_of_any_size() {
+        let covered = [0.001, 1.0, 1000.0].map(|size| {
+            let mut mesh = mesh::torus();
+            mesh.positions.iter_mut().for_each(|p| *p *= size);
+            let (surface, skin) = skin(mesh, 256, 128, Wrap::Repeat);
+            let groove = Brush {
+                radius: 0.08 * skin.scale(),
+                ..Brush::default()
+            };
+            let path = on_surface(
+                skin.mesh(),
+                (0..=20).map(|i| Vec2::new(0.2 + 0.02 * i as f32, 0.7)),
+            );
+            let one = stroke_of(&groove, &skin, &path);
+            assert!(one.brush().check().is_ok());
+            let all = painting(&surface, &skin, &[one]);
+            let (_, coverage) = painted(&all, &ground(surface.size), surface.size.rect());
+            coverage.iter().sum::<f32>()
+        });
+        println!("covered: {covered:?} texels");
+        for sum in covered {
+            assert!(
+                sum > 1000.0 && (sum / covered[1] - 1.0).abs() < 1e-3,
+                "{covered:?}"
+            );
+        }
     }
 
     #[test]

@@ -10,8 +10,8 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 use std::ops::{Add, Mul, Sub};
 
-/// The most pieces of a stroke: what comes after them is not painted.
-pub(super) const PIECES_MAX: usize = 1 << 20;
+/// The most pieces of a stroke, copies included: what comes after them is not painted.
+const PIECES_MAX: usize = 1 << 20;
 
 /// Positions in UV's surface units, or in space.
 pub(super) trait Vector:
@@ -110,6 +110,8 @@ pub(super) struct Trail<V: Vector> {
     clicks: bool,
     radius: f32,
     seed: u32,
+    /// The most pieces.
+    most: usize,
     state: State,
     /// The direction of the line before the last.
     before: Option<V>,
@@ -143,6 +145,7 @@ impl<V: Vector> Trail<V> {
             clicks: !brush.tool.follows_stroke(),
             radius: brush.radius,
             seed: hash(seed, 0x7061_696e),
+            most: PIECES_MAX / brush.symmetry.copies() as usize,
             state: State::default(),
             before: None,
             first: None,
@@ -217,11 +220,11 @@ impl<V: Vector> Trail<V> {
         let far = state.travelled + f64::from(length);
         if matches!(self.kind, Kind::Line) {
             state.made += 1;
-            if state.made <= PIECES_MAX {
+            if state.made <= self.most {
                 out(whole);
             }
         }
-        while !matches!(self.kind, Kind::Line) && state.made < PIECES_MAX {
+        while !matches!(self.kind, Kind::Line) && state.made < self.most {
             let place = state.next + self.stray(state.number);
             if place > far {
                 break;

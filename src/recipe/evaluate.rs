@@ -285,7 +285,8 @@ fn prepare_source(
         }
         Source::Strokes(strokes) => {
             let skin = skin(at, strokes, mesh, own, files)?;
-            let painting = Painting::new(own, strokes, skin, progress)?;
+            let painting = Painting::new(own, strokes, skin, progress)
+                .map_err(below(format!("{key}.strokes")))?;
             return Ok((PreparedSource::Strokes(Arc::new(painting)), mended));
         }
     };

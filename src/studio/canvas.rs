@@ -187,7 +187,12 @@ impl Canvas {
 
     /// Whether there is a stroke in flight.
     pub(super) fn is_drawing(&self) -> bool {
-        self.active.as_ref().is_some_and(|a| a.live.is_some())
+        self.live().is_some()
+    }
+
+    /// The stroke in flight.
+    pub(super) fn live(&self) -> Option<&Live> {
+        self.active.as_ref()?.live.as_ref().map(|(live, _)| live)
     }
 
     /// Begins a stroke in flight: on the mesh where there is a `skin`, or else in UV.

@@ -304,6 +304,23 @@ impl Edit {
         })
     }
 
+    /// The place afterwards of the layer that was at `place`; `None` when it goes.
+    pub fn place_after(&self, place: usize) -> Option<usize> {
+        match *self {
+            Self::InsertLayer { at, .. } if place >= at => Some(place + 1),
+            Self::RemoveLayer { at } if place == at => None,
+            Self::RemoveLayer { at } if place > at => Some(place - 1),
+            Self::MoveLayer { from, to } => Some(match place {
+                p if p == from => to,
+                p if from < p && p <= to => p - 1,
+                p if to <= p && p < from => p + 1,
+                p => p,
+            }),
+            Self::SetRecipe { .. } => None,
+            _ => Some(place),
+        }
+    }
+
     /// About how many bytes it holds.
     pub fn bytes(&self) -> usize {
         let of_layer = |layer: &Layer| match &layer.source {

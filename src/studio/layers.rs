@@ -2,7 +2,7 @@
 
 use super::{Edit, Header, LayerHead, Studio};
 use crate::error::{Error, Result};
-use crate::paint::Strokes;
+use crate::paint::{Strokes, Tool};
 use crate::recipe::{Channels, Layer, Recipe, Source};
 
 /// A name that no layer of a recipe has: `base`, or `base 2` and so on.
@@ -82,15 +82,7 @@ impl Studio {
             return Ok(());
         }
         let label = format!("Move {}", self.layer(from)?.name());
-        let selected = self.selected();
-        self.edit(&label, vec![Edit::MoveLayer { from, to }], None)?;
-        self.select(match selected {
-            s if s == from => to,
-            s if from < s && s <= to => s - 1,
-            s if to <= s && s < from => s + 1,
-            s => s,
-        });
-        Ok(())
+        self.edit(&label, vec![Edit::MoveLayer { from, to }], None)
     }
 
     /// Gives a layer another name.
@@ -164,23 +156,81 @@ impl Studio {
         self.edit(label, vec![Edit::SetHeader { header }], Some(label))
     }
 
+    /// Shows the map on another mesh: a built-in's name, or a file by its path from the recipe. Strokes stay on the mesh that
+    /// they were painted on.
+    ///
+    /// # Errors
+    /// When the recipe may not name it.
+    pub fn set_mesh(&mut self, mesh: &str) -> Result<()> {
+        let recipe = self.recipe();
+        if recipe.mesh.as_deref() == Some(mesh) {
+            return Ok(());
+        }
+        let before = recipe.mesh.clone();
+        let mut edits: Vec<Edit> = (recipe.layers.iter().enumerate())
+            .filter_map(|(at, layer)| {
+                let Source::Strokes(strokes) = &layer.source else {
+                    return None;
+                };
+                let alone = strokes.need_mesh() && strokes.mesh.is_none();
+                let source = Source::Strokes(Strokes {
+                    mesh: before.clone(),
+                    ..strokes.clone()
+                });
+                alone.then(|| Edit::SetLayer {
+                    at,
+                    layer: Box::new(Layer {
+                        source,
+                        ..layer.clone()
+                    }),
+                })
+            })
+            .collect();
+        let header = Box::new(Header {
+            mesh: Some(mesh.to_owned()),
+            ..Header::of(recipe)
+        });
+        edits.push(Edit::SetHeader { header });
+        self.edit("Mesh", edits, None)
+    }
+
     /// Makes one layer of strokes of a layer of strokes and the one below it.
     ///
     /// # Errors
-    /// When either holds no strokes, or shows otherwise than whole: then the result would look different.
+    /// When either holds no strokes, or shows otherwise than whole, when the upper one erases, or when they lie on different
+    /// meshes: then the result would look different.
     pub fn merge_down(&mut self, at: usize) -> Result<()> {
         let upper = self.layer(at)?;
         let lower = self.layer(at.wrapping_sub(1))?;
+        let refused = |layer: &Layer, allowed: &str| {
+            let name = format!("`{}`", layer.name());
+            Error::invalid("a layer to merge", name, allowed)
+                .with_hint("Anything else would not look the same afterwards")
+        };
         let strokes = |layer: &Layer| match &layer.source {
             Source::Strokes(strokes) if is_plain(layer) => Ok(strokes.clone()),
-            _ => {
-                let allowed = "allowed: two layers of strokes, each fully opaque, without a mask, on all channels";
-                let name = format!("`{}`", layer.name());
-                Err(Error::invalid("a layer to merge", name, allowed)
-                    .with_hint("Anything else would not look the same afterwards"))
-            }
+            _ => Err(refused(
+                layer,
+                "allowed: two layers of strokes, each fully opaque, without a mask, on all channels",
+            )),
         };
         let (mut both, above) = (strokes(lower)?, strokes(upper)?);
+        if above.strokes.iter().any(|s| s.brush().tool == Tool::Erase) {
+            return Err(refused(
+                upper,
+                "allowed: a layer whose strokes do not erase: what they bring back lies in the layer below",
+            ));
+        }
+        if above.need_mesh() {
+            let own = |strokes: &Strokes| strokes.mesh.clone().or(self.recipe().mesh.clone());
+            if both.need_mesh() && own(&both) != own(&above) {
+                return Err(refused(
+                    upper,
+                    "allowed: a layer whose strokes lie on the same mesh",
+                ));
+            }
+            both.mesh = above.mesh;
+        }
         let label = format!("Merge {} into {}", upper.name(), lower.name());
         both.strokes.extend(above.strokes);
         let layer = Box::new(Layer {

@@ -371,10 +371,14 @@ impl Studio {
     /// Applies edits to the document and writes them to the journal; what takes them back is given in its own order.
     fn apply_all(&mut self, edits: Vec<Edit>) -> Result<(Vec<Edit>, Vec<Touched>)> {
         let (mut back, mut touched) = (Vec::new(), Vec::new());
+        let places = (self.selected, self.solo);
         for edit in edits {
+            let selected = edit.place_after(self.selected);
+            let solo = self.solo.and_then(|s| edit.place_after(s));
             let copy = self.journal.is_some().then(|| edit.clone());
             match self.document.apply(edit) {
                 Ok((inverse, what)) => {
+                    (self.selected, self.solo) = (selected.unwrap_or(self.selected), solo);
                     back.insert(0, inverse);
                     touched.push(what);
                     if let Some(edit) = copy {
@@ -388,6 +392,7 @@ impl Studio {
                             self.write_journal(&copy);
                         }
                     }
+                    (self.selected, self.solo) = places;
                     return Err(error);
                 }
             }
@@ -620,32 +625,43 @@ impl Studio {
         self.canvas.begin(brush, seed, None)
     }
 
-    /// Begins a stroke on the mesh. The brush's lengths are in surface units, as those of a stroke in UV; the stroke keeps them in
-    /// the mesh's.
+    /// Begins a stroke on the mesh. The brush's lengths are in surface units, as those of a stroke in UV.
     ///
     /// # Errors
     /// As [`Studio::begin_stroke`], when the mesh cannot be painted on, or the layer's strokes lie on another one.
-    pub fn begin_mesh_stroke(&mut self, brush: &Brush, seed: u32) -> Result<()> {
+    pub fn begin_mesh_stroke(&mut self, brush: Arc<Brush>, seed: u32) -> Result<()> {
         self.cancel_stroke();
         brush.check()?;
-        if self.recipe().mesh.is_none() {
-            // Strokes on a mesh mean nothing without its name.
-            let header = Header {
-                mesh: Some(DEFAULT_MESH.to_owned()),
-                ..Header::of(self.recipe())
-            };
-            self.set_header("Mesh", header)?;
-        }
         self.activate(true)?;
         let skin = self.canvas.skin().cloned();
-        let scale = skin.as_ref().map_or(1.0, |s| s.scale());
-        self.canvas.begin(Arc::new(brush.scaled(scale)), seed, skin)
+        self.canvas.begin(brush, seed, skin)
     }
 
     /// Lets the stroke in flight go on to a point of UV.
     pub fn stroke_to(&mut self, point: Point) {
         let dirty = self.canvas.go_on(|live| live.push(point));
         self.repaint(dirty);
+        if let Some((brush, seed)) = self.full_stroke() {
+            let again = self.begin_stroke(brush, seed.wrapping_add(1));
+            if let Err(error) = again {
+                return self.trouble.push(error);
+            }
+            let dirty = self.canvas.go_on(|live| live.push(point));
+            self.repaint(dirty);
+        }
+    }
+
+    /// Ends the stroke in flight when it takes no more points; another is to go on from where it ended.
+    fn full_stroke(&mut self) -> Option<(Arc<Brush>, u32)> {
+        let live = self.canvas.live().filter(|live| live.is_full())?;
+        let next = (live.brush().clone(), live.seed());
+        match self.end_stroke() {
+            Ok(_) => Some(next),
+            Err(error) => {
+                self.trouble.push(error);
+                None
+            }
+        }
     }
 
     /// Lets the stroke in flight go on to a place of the mesh: its position, the surface's normal, the pen's pressure from 0
@@ -655,6 +671,16 @@ impl Studio {
             .canvas
             .go_on(|live| live.push_on_mesh(position, normal, pressure));
         self.repaint(dirty);
+        if let Some((brush, seed)) = self.full_stroke() {
+            let again = self.begin_mesh_stroke(brush, seed.wrapping_add(1));
+            if let Err(error) = again {
+                return self.trouble.push(error);
+            }
+            let dirty = self
+                .canvas
+                .go_on(|live| live.push_on_mesh(position, normal, pressure));
+            self.repaint(dirty);
+        }
     }
 
     /// What is seen at a place of the 3D picture, in pixels from its upper left corner; `None` past the mesh.
@@ -689,8 +715,17 @@ impl Studio {
         };
         let layer = self.canvas.active().expect("it was painted on");
         let label = format!("{} stroke", stroke.brush().tool.name().replace('_', " "));
-        let edit = Edit::AddStroke { layer, stroke };
-        match self.apply_all(vec![edit]) {
+        let mut edits = Vec::new();
+        if stroke.is_on_mesh() && self.recipe().mesh.is_none() {
+            // Strokes on a mesh mean nothing without its name.
+            let header = Box::new(Header {
+                mesh: Some(DEFAULT_MESH.to_owned()),
+                ..Header::of(self.recipe())
+            });
+            edits.push(Edit::SetHeader { header });
+        }
+        edits.push(Edit::AddStroke { layer, stroke });
+        match self.apply_all(edits) {
             Ok((back, _)) => {
                 self.history.push(Step::new(label, back, None));
                 if self.job.is_none() && self.shown.revision.is_some() {
@@ -730,6 +765,12 @@ impl Studio {
     /// Makes the selected layer the one that is painted on, on the mesh when that is wanted.
     fn activate(&mut self, on_mesh: bool) -> Result<()> {
         let at = self.selected;
+        if on_mesh && self.shown.mesh.as_deref() != Some(self.mesh_name()) {
+            let name = format!("`{}`", self.mesh_name());
+            let allowed = "allowed: the one that is shown";
+            return Err(Error::invalid("the mesh to paint on", name, allowed)
+                .with_hint("It is being loaded, or could not be"));
+        }
         if self.canvas.active() == Some(at) && (!on_mesh || self.canvas.skin().is_some()) {
             return Ok(());
         }

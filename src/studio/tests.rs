@@ -121,10 +121,12 @@ fn strokes_on_the_mesh_are_in_the_recipe_and_name_their_mesh() {
         ..Brush::default()
     };
     let before = studio.map().clone();
-    studio.begin_mesh_stroke(&groove, 3).unwrap();
-    assert_eq!(studio.recipe().mesh.as_deref(), Some(DEFAULT_MESH));
+    studio
+        .begin_mesh_stroke(Arc::new(groove.clone()), 3)
+        .unwrap();
     studio.mesh_stroke_along((Vec2::new(20.0, 30.0), 1.0), (Vec2::new(110.0, 40.0), 0.5));
     assert!(studio.end_stroke().unwrap());
+    assert_eq!(studio.recipe().mesh.as_deref(), Some(DEFAULT_MESH));
     assert!(*studio.map() != before);
     assert_shows_its_recipe(&studio);
     assert!(studio.undo().unwrap());
@@ -133,6 +135,23 @@ fn strokes_on_the_mesh_are_in_the_recipe_and_name_their_mesh() {
     assert_shows_its_recipe(&studio);
     studio.settle();
     assert_shows_its_recipe(&studio);
+    // Another mesh shows the same map, is no place for this layer's strokes, and while it loads for none.
+    let painted = studio.map().clone();
+    studio.set_mesh("sphere").unwrap();
+    let groove = Arc::new(groove);
+    let loading = studio.begin_mesh_stroke(groove.clone(), 3).unwrap_err();
+    assert!(loading.to_string().contains("being loaded"), "{loading}");
+    studio.settle();
+    assert!(*studio.map() == painted);
+    assert_shows_its_recipe(&studio);
+    let elsewhere = studio.begin_mesh_stroke(groove, 3).unwrap_err();
+    assert!(
+        elsewhere.to_string().contains("not on torus"),
+        "{elsewhere}"
+    );
+    assert!(studio.undo().unwrap());
+    studio.settle();
+    assert!(*studio.map() == painted && studio.recipe().mesh.as_deref() == Some(DEFAULT_MESH));
 }
 
 #[test]
@@ -237,6 +256,57 @@ fn merged_strokes_look_the_same() {
             .to_string()
             .contains("`steel`")
     );
+    // What is erased above is what lies below that layer: in one layer it would be what lies below both.
+    studio.add_paint_layer().unwrap();
+    stroke(
+        &mut studio,
+        brush(Tool::Erase, 0.06),
+        &[[0.1, 0.2], [0.5, 0.4]],
+    );
+    let erasing = studio.merge_down(2).unwrap_err().to_string();
+    assert!(erasing.contains("do not erase"), "{erasing}");
+}
+
+#[test]
+fn selection_and_solo_follow_their_layers() {
+    let mut studio = painted();
+    studio.select(0);
+    let steel = studio.recipe().layers[0].name().to_owned();
+    let top = studio.recipe().layers.len() - 1;
+    studio.set_solo(Some(0));
+    studio.move_layer(0, top).unwrap();
+    assert_eq!((studio.selected(), studio.solo()), (top, Some(top)));
+    studio.undo().unwrap();
+    assert_eq!((studio.selected(), studio.solo()), (0, Some(0)));
+    studio.select(1);
+    studio.set_solo(Some(1));
+    studio.remove_layer(0).unwrap();
+    assert_eq!((studio.selected(), studio.solo()), (0, Some(0)));
+    studio.undo().unwrap();
+    assert_eq!((studio.selected(), studio.solo()), (1, Some(1)));
+    assert_eq!(studio.recipe().layers[0].name(), steel);
+    studio.remove_layer(1).unwrap();
+    assert_eq!(studio.solo(), None);
+}
+
+#[test]
+fn a_stroke_without_end_goes_on_in_the_next() {
+    let mut studio = studio_of(&RECIPE.replace("[320, 200]", "[16, 10]"));
+    studio.select(1);
+    let groove = brush(Tool::Groove(Groove::default()), 0.01);
+    studio.begin_stroke(groove, 1).unwrap();
+    let points = crate::paint::POINTS_MAX as u32 + 10;
+    for n in 0..points {
+        let at = Vec2::new(0.2 + 0.1 * (n % 2) as f32, 0.5);
+        studio.stroke_to(Point::new(at, 1.0).unwrap());
+    }
+    assert!(studio.end_stroke().unwrap());
+    let Source::Strokes(strokes) = &studio.recipe().layers[1].source else {
+        panic!()
+    };
+    let lengths: Vec<usize> = strokes.strokes.iter().map(|s| s.points().len()).collect();
+    assert_eq!(lengths, [crate::paint::POINTS_MAX, 11]);
+    assert_eq!(studio.take_trouble().len(), 0);
 }
 
 #[test]
