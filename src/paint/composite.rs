@@ -1,12 +1,11 @@
 //! What a tool does to texels, to the extent that a stroke covers them.
 //!
-//! Widths and double angles are mixed as [`crate::map::blend`] mixes them and end as [`crate::map::settle`] ends, [`LANES`]
-//! texels at a time. A texel of weight 0 is left as it is, to the bit; at weight 1 it is what the tool lays, to the bit.
+//! Texels are blended as [`crate::map::blend`] blends them, [`LANES`] at a time. A texel of weight 0 is left as it is, to the bit; at weight 1 it is what the tool lays, to the bit.
 
 use super::cover::{Cover, LANES, Lane, TILE, lane};
 use super::{Keep, Tool};
-use crate::map::{ALPHA_MAX, ALPHA_MIN, Rect, Region};
-use crate::math::{self, AXIS_MIN_LENGTH, Axis, atan2, sin_cos};
+use crate::map::{ALPHA_MAX, ALPHA_MIN, Rect, Region, blend_numbers};
+use crate::math::{self, Axis, atan2, sin_cos};
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use std::f32::consts::PI;
@@ -288,20 +287,11 @@ impl Texels {
         let [ax, ay, c, s] = &mut self.planes;
         for i in 0..LANES {
             let w = weight[i];
-            let mut t = [ax[i], ay[i], c[i], s[i]];
-            for (p, plane) in t.iter_mut().zip(other) {
-                *p += (plane[i] - *p) * w;
-            }
-            let length = (t[2] * t[2] + t[3] * t[3]).sqrt();
-            let lost = length < AXIS_MIN_LENGTH;
-            let scale = 1.0 / length.max(AXIS_MIN_LENGTH);
-            let round = (t[0] * t[1]).sqrt();
-            let settled = [
-                if lost { round } else { t[0] },
-                if lost { round } else { t[1] },
-                if lost { 1.0 } else { t[2] * scale },
-                if lost { 0.0 } else { t[3] * scale },
-            ];
+            let settled = blend_numbers(
+                [ax[i], ay[i], c[i], s[i]],
+                [other[0][i], other[1][i], other[2][i], other[3][i]],
+                w,
+            );
             // What is there already stays as it is, to the bit.
             let same = (ax[i] == other[0][i])
                 & (ay[i] == other[1][i])

@@ -100,7 +100,7 @@ impl Serialize for Source {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Blend {
-    /// Alphas and double-angle directions are mixed linearly; see [`crate::map::blend`].
+    /// What is below, little by little, toward the layer; see [`crate::map::blend`].
     #[default]
     Mix,
 }
