@@ -187,9 +187,14 @@ impl View {
 
     /// The ray through the centre of a sample: where it starts and its unit direction.
     pub fn ray(&self, column: u32, row: u32) -> (Vec3, Vec3) {
+        self.ray_at(f64::from(column) + 0.5, f64::from(row) + 0.5)
+    }
+
+    /// The ray through a place of the picture, in samples from its upper left corner.
+    pub fn ray_at(&self, x: f64, y: f64) -> (Vec3, Vec3) {
         let [right, up, back] = self.basis;
-        let x = (f64::from(column) + 0.5 - 0.5 * f64::from(self.size.width())) / self.scale;
-        let y = (0.5 * f64::from(self.size.height()) - f64::from(row) - 0.5) / self.scale;
+        let x = (x - 0.5 * f64::from(self.size.width())) / self.scale;
+        let y = (0.5 * f64::from(self.size.height()) - y) / self.scale;
         let aside = right * x + up * y;
         if self.perspective {
             (self.eye.as_vec3(), (aside - back).normalize().as_vec3())

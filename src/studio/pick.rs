@@ -7,9 +7,6 @@ use crate::raster::{Camera, View};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Lines of sight along a pixel's side: a pen points finer than pixels.
-const FINER: u32 = 4;
-
 /// Where a line of sight meets a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
@@ -29,17 +26,13 @@ pub struct Hit {
 /// # Errors
 /// When the camera's numbers are not allowed.
 pub fn pick(mesh: &Mesh, camera: &Camera, size: Size, place: Vec2) -> Result<Option<Hit>> {
-    let fine = Size::new(
-        size.width().saturating_mul(FINER),
-        size.height().saturating_mul(FINER),
-    )?;
-    let view = View::new(camera, fine)?;
-    let sample = |x: f32, most: u32| ((x * FINER as f32).max(0.0) as u32).min(most);
-    let (column, row) = (
-        sample(place.x, fine.width() - 1),
-        sample(place.y, fine.height() - 1),
+    let view = View::new(camera, size)?;
+    let within = |x: f32, most: u32| f64::from(x).clamp(0.0, f64::from(most));
+    let (x, y) = (
+        within(place.x, size.width()),
+        within(place.y, size.height()),
     );
-    let ray = view.ray(column, row);
+    let ray = view.ray_at(x, y);
     let nearest = mesh
         .triangles
         .par_iter()
@@ -54,8 +47,8 @@ pub fn pick(mesh: &Mesh, camera: &Camera, size: Size, place: Vec2) -> Result<Opt
     let normal = mesh.normals[i] * a + mesh.normals[j] * b + mesh.normals[k] * c;
     let normal = normal.normalize_or(-ray.1);
     let position = ray.0 + ray.1 * met.distance;
-    let beside = view.ray(column + 1, row);
-    let step = position.distance(beside.0 + beside.1 * met.distance);
+    let beside = view.ray_at(x + 1.0, y);
+    let pixel = position.distance(beside.0 + beside.1 * met.distance);
     Ok(Some(Hit {
         position,
         normal: if normal.dot(ray.1) > 0.0 {
@@ -64,7 +57,7 @@ pub fn pick(mesh: &Mesh, camera: &Camera, size: Size, place: Vec2) -> Result<Opt
             normal
         },
         uv: mesh.uvs[i] * a + mesh.uvs[j] * b + mesh.uvs[k] * c,
-        pixel: step * FINER as f32,
+        pixel,
     }))
 }
 
@@ -112,6 +105,18 @@ mod tests {
         assert!(hit.position.distance(camera.eye) < camera.target.distance(camera.eye));
         // A hundred pixels hold the sphere, whose radius is 1.1 times less than half of them.
         assert!((0.5..2.0).contains(&(hit.pixel * 45.0)), "{}", hit.pixel);
+        // A slow pen draws a straight line: places lie finer than pixels.
+        let places: Vec<Vec3> = (0..20)
+            .map(|i| Vec2::new(100.0 - 0.3 * i as f32, 50.0 - 1.1 * i as f32))
+            .filter_map(|place| pick(&mesh::plane(), &camera, size, place).unwrap())
+            .map(|hit| hit.position)
+            .collect();
+        assert!(places.len() > 5);
+        let line = (places[places.len() - 1] - places[0]).normalize();
+        for pair in places.windows(2) {
+            let off = (pair[1] - pair[0]).angle_between(line).to_degrees();
+            assert!(off < 0.1, "{off} degrees");
+        }
         let past = pick(&sphere, &camera, size, Vec2::new(1.0, 1.0)).unwrap();
         assert_eq!(past, None);
         let outside = pick(&sphere, &camera, size, Vec2::new(-50.0, 1e9)).unwrap();
