@@ -285,7 +285,9 @@ fn presets_are_listed_and_shown() {
     assert!(list[0]["description"].as_str().expect("text").len() > 10);
     assert!(desk.works("presets").contains("vinyl_record"));
     desk.write("mine.toml", &desk.works("presets show pot"));
-    desk.works("inspect mine.toml --size 32");
+    // The copy is called what its file is: it does not write over the preset's maps.
+    desk.works("generate ./mine.toml -o maps --size 32 --formats exr");
+    assert!(desk.path("maps/mine.exr").exists() && !desk.path("maps/pot.exr").exists());
     assert_eq!(
         desk.json("presets show pot --json")["layers"][0]["name"],
         "finish"

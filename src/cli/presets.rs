@@ -40,7 +40,17 @@ fn show(args: &ShowArgs) -> Result {
         let recipe = serde_json::to_value(file.recipe()).expect("a checked recipe is plain data");
         console::print_json(&recipe)?;
     } else {
-        console::print(preset.text)?;
+        console::print(&nameless(preset.text))?;
     }
     Ok(Outcome::Fine)
+}
+
+/// A preset's text without its name: a copy, and all that is made with it, is called what its own file is called.
+fn nameless(text: &str) -> String {
+    let (head, layers) = text.split_at(text.find("\n[").unwrap_or(text.len()));
+    let kept = |line: &&str| !line.starts_with("name = ");
+    head.split_inclusive('\n')
+        .filter(kept)
+        .chain([layers])
+        .collect()
 }

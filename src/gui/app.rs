@@ -85,7 +85,13 @@ pub(crate) fn run(word: Option<String>) -> Result<(), Error> {
         }),
     );
     shown.map_err(|e| {
-        Error::machine("no window can be opened")(e)
+        let text = e.to_string();
+        // Without the place in the library's source that some begin with.
+        let after = text
+            .split_once(".rs:")
+            .and_then(|(_, rest)| rest.split_once(": "));
+        let told = after.map_or(text.as_str(), |(_, told)| told);
+        Error::machine("no window can be opened")(told.trim_end_matches('.'))
             .with_hint("Every other command works without one; `anisomap --help` lists them")
     })
 }

@@ -3,7 +3,7 @@
 use super::files::{is_path, leaves_folder, seen_from};
 use super::locate::{Mistake, join, layer_number, table_at};
 use super::update::{document_of, update};
-use super::{Files, Recipe, Source, VERSION};
+use super::{Files, NAME_BYTES_MAX, Recipe, Source, VERSION};
 use crate::error::{Error, Result};
 use serde::Deserialize;
 use std::fs;
@@ -271,7 +271,13 @@ fn name_from(path: &Path) -> String {
             '_'
         }
     };
-    let name: String = stem.chars().map(safe).take(16).collect();
+    let mut name = String::new();
+    for c in stem.chars().map(safe) {
+        if name.len() + c.len_utf8() > NAME_BYTES_MAX {
+            break;
+        }
+        name.push(c);
+    }
     let name = name.trim_matches(['.', '-', '_']);
     if name.is_empty() {
         "recipe".to_owned()

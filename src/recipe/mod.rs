@@ -34,6 +34,8 @@ use std::str::FromStr;
 pub const VERSION: u32 = 1;
 /// The most layers a recipe may have.
 pub const LAYERS_MAX: usize = 256;
+/// How many bytes a name may have.
+const NAME_BYTES_MAX: usize = 64;
 /// The largest seed: what TOML's integers hold.
 pub const SEED_MAX: u64 = i64::MAX as u64;
 
@@ -305,7 +307,7 @@ impl Recipe {
 
 /// A name becomes the name of files, so it must be harmless as one.
 fn check_name(name: &str) -> Result<()> {
-    let fine = name.len() <= 64
+    let fine = name.len() <= NAME_BYTES_MAX
         && !name.starts_with(['.', '-', ' '])
         && !name.ends_with([' ', '.'])
         && name
