@@ -70,8 +70,16 @@ pub fn beside(stem: &Path, suffix: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
+/// Where a file really is or would be, for those who mean to write what a link leads to and not to replace the link.
+pub fn real_path(path: &Path) -> PathBuf {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let beyond = || path.read_link().map(|to| folder.join(to)); // a link to what is not there yet
+    let real = path.canonicalize().or_else(|_| beyond());
+    real.unwrap_or_else(|_| path.to_owned())
+}
+
 /// Writes a file that appears whole or not at all: under a temporary name in the same folder, synced to disk, then renamed.
-/// An existing file is replaced; no folder is made.
+/// An existing file is replaced, by one that the same people may read and write; no folder is made.
 ///
 /// # Errors
 /// [`Error::Write`] with `path` when the folder is missing or not writable, the disk is full, or `path` is a folder. Nothing
@@ -112,6 +120,10 @@ fn write_beside(
         io::Error::new(e.kind(), text)
     })?;
     let file = unfinished.file();
+    if let Ok(before) = std::fs::metadata(path) {
+        // Where the system refuses, the file is as private as any new one.
+        let _ = file.set_permissions(before.permissions());
+    }
     let mut buffered = BufWriter::with_capacity(1 << 18, file);
     write(&mut buffered)?;
     buffered.flush()?;
@@ -229,6 +241,21 @@ mod tests {
         fs::write(&plain, b"x").unwrap();
         let mode = |p: &Path| fs::metadata(p).unwrap().permissions().mode();
         assert_eq!(mode(&ours), mode(&plain));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn who_may_read_a_file_may_read_the_one_in_its_place() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        for mode in [0o600, 0o644, 0o666, 0o755] {
+            fs::write(&path, b"x").unwrap();
+            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+            write_atomic(&path, |f| f.write_all(b"y")).unwrap();
+            let now = fs::metadata(&path).unwrap().permissions().mode();
+            assert_eq!(now & 0o777, mode, "{mode:o}");
+        }
     }
 
     #[test]
