@@ -19,6 +19,7 @@ mod edit;
 mod history;
 mod journal;
 mod layers;
+mod paths;
 mod pick;
 pub mod view;
 mod viewport;

@@ -4,7 +4,7 @@
 
 use super::orbit::Preset;
 use crate::error::{Error, Result};
-use crate::export::{beside, write_atomic};
+use crate::export::{beside, real_path, write_atomic};
 use crate::recipe::{Target, read_toml};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
@@ -87,6 +87,7 @@ pub struct Settings {
     /// Whether the hint over a new document was closed.
     pub hint_closed: bool,
     /// Files opened or saved lately, the latest first; at most 12.
+    #[serde(with = "super::paths::list")]
     pub recent: Vec<PathBuf>,
     /// What the export dialog was last set to.
     pub export: ExportSettings,
@@ -97,7 +98,7 @@ pub struct Settings {
 #[serde(default, deny_unknown_fields)]
 pub struct ExportSettings {
     /// Where files go. Default: none yet, so it is asked.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(with = "super::paths::maybe", skip_serializing_if = "Option::is_none")]
     pub folder: Option<PathBuf>,
     /// What is written. Default: what the recipe says.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -151,7 +152,7 @@ impl Settings {
         }
         let text = toml::to_string(self)
             .map_err(|e| Error::write(path)(std::io::Error::other(e.to_string())))?;
-        write_atomic(path, |out| out.write_all(text.as_bytes()))?;
+        write_atomic(&real_path(path), |out| out.write_all(text.as_bytes()))?;
         Ok(())
     }
 
@@ -210,6 +211,35 @@ mod tests {
         assert_eq!(back, settings);
         let (none, error) = Settings::load(&folder.path().join("none"));
         assert!(none == Settings::default() && error.is_none());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_path_that_is_no_unicode_is_remembered() {
+        use std::os::unix::ffi::OsStrExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("settings.toml");
+        let name = std::ffi::OsStr::from_bytes(b"/nowhere/caf\xe9.toml");
+        let mut settings = Settings::default();
+        settings.remember(Path::new(name));
+        settings.remember(Path::new("/nowhere/caf\u{e9}.toml"));
+        settings.export.folder = Some(name.into());
+        settings.save(&path).unwrap();
+        let (back, error) = Settings::load(&path);
+        assert!(error.is_none());
+        assert_eq!(back, settings);
+        assert_eq!(back.recent[1], Path::new(name));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_a_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+        fs::write(&real, "").unwrap();
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        Settings::default().save(&link).unwrap();
+        assert!(link.is_symlink() && !fs::read(&real).unwrap().is_empty());
     }
 
     #[test]
