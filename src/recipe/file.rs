@@ -1,7 +1,8 @@
 //! The text of a recipe: read strictly, overridden key by key, and written back with every comment in its place.
 
-use super::files::{is_path, leaves_folder, seen_from};
+use super::files::{Way, is_path, leaves_folder};
 use super::locate::{Mistake, join, layer_number, table_at};
+use super::stamp::Stamp;
 use super::update::{document_of, update};
 use super::{Files, NAME_BYTES_MAX, Recipe, Source, VERSION};
 use crate::error::{Error, Result};
@@ -10,8 +11,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use toml_edit::{Array, Document, DocumentMut, Item, Table, TableLike, Value};
 
-/// The largest recipe that is read, in bytes: long painting sessions fit, a film renamed to `.toml` does not.
-const BYTES_MAX: u64 = 64 << 20;
+/// The largest recipe that is read or saved, in bytes: a million strokes of fifty points fit, a film renamed to `.toml`
+/// does not.
+pub(crate) const BYTES_MAX: u64 = 256 << 20;
 /// The most unknown keys that a newer file may have: each costs one more reading.
 const IGNORED_MAX: usize = 200;
 /// The most bytes that all those readings together may take: a second's work.
@@ -27,6 +29,8 @@ pub struct RecipeFile {
     path: PathBuf,
     folder: Option<PathBuf>,
     ignored: Vec<String>,
+    /// The file's own, from before it was read.
+    stamp: Option<Stamp>,
 }
 
 impl RecipeFile {
@@ -37,10 +41,11 @@ impl RecipeFile {
     /// cannot be used.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let text = read_text(path)?;
+        let (text, stamp) = read_text(path)?;
         let parent = path.parent().filter(|p| !p.as_os_str().is_empty());
         let folder = parent.unwrap_or(Path::new(".")).to_owned();
-        Self::parse(&text, path, Some(folder))
+        let file = Self::parse(&text, path, Some(folder))?;
+        Ok(Self { stamp, ..file })
     }
 
     /// A recipe that has no text yet. It may name no files until it has a folder.
@@ -55,6 +60,7 @@ impl RecipeFile {
             path: path.as_ref().to_owned(),
             folder: None,
             ignored: Vec::new(),
+            stamp: None,
         })
     }
 
@@ -74,6 +80,7 @@ impl RecipeFile {
             path: path.to_owned(),
             folder,
             ignored,
+            stamp: None,
         })
     }
 
@@ -85,6 +92,11 @@ impl RecipeFile {
     /// What messages call it: its path, or `preset pot`.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Its file's stamp when it was read, which tells whether the file was changed since; `None` when it was not read from one.
+    pub fn stamp(&self) -> Option<Stamp> {
+        self.stamp
     }
 
     /// The keys that a newer file has and this version does not know. They are kept in the text.
@@ -145,37 +157,13 @@ impl RecipeFile {
     pub fn moved(&self, folder: &Path) -> Result<Self> {
         let mut moved = self.clone();
         moved.folder = Some(folder.to_owned());
-        let real = |path: &Path| path.canonicalize().map_err(Error::read(path));
-        let stays = match &self.folder {
-            Some(own) => real(own)? == real(folder)?,
-            None => true, // it may name no files
+        let Some(way) = Way::between(self.folder.as_deref(), folder)? else {
+            return Ok(moved);
         };
-        if stays || self.is_read_only() {
+        if self.is_read_only() {
             return Ok(moved);
         }
-        let rename = |name: &mut String| {
-            let file = self.folder.as_deref().map(|own| own.join(&*name));
-            if let Some(way) = file.and_then(|file| seen_from(folder, &file).ok()) {
-                *name = way;
-            }
-        };
-        if let Some(mesh) = moved.recipe.mesh.as_mut().filter(|m| is_path(m)) {
-            rename(mesh);
-        }
-        for layer in &mut moved.recipe.layers {
-            match &mut layer.source {
-                Source::Image(image) => rename(&mut image.file),
-                Source::Stored(stored) => stored.files_mut().for_each(rename),
-                Source::Strokes(strokes) => {
-                    strokes
-                        .mesh
-                        .iter_mut()
-                        .filter(|m| is_path(m))
-                        .for_each(rename);
-                }
-                Source::Pattern(_) | Source::Guides(_) => {}
-            }
-        }
+        way.of_recipe(&mut moved.recipe);
         update(moved.document.as_table_mut(), &self.recipe, &moved.recipe);
         Ok(moved)
     }
@@ -234,15 +222,15 @@ impl RecipeFile {
 /// # Errors
 /// [`Error::Read`] and [`Error::File`].
 pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = read_text(path)?;
+    let (text, _) = read_text(path)?;
     let document =
         Document::parse(text.as_str()).map_err(|e| Mistake::of_syntax(&text, &e).in_file(path))?;
     T::deserialize(toml_edit::de::Deserializer::from(document.clone()))
         .map_err(|e| Mistake::of_shape(&document, &e).in_file(path))
 }
 
-/// A text of bounded length.
-fn read_text(path: &Path) -> Result<String> {
+/// A text of bounded length, and the stamp of its file from before it was read.
+fn read_text(path: &Path) -> Result<(String, Option<Stamp>)> {
     let meta = fs::metadata(path).map_err(Error::read(path))?;
     if !meta.is_file() {
         let kind = if meta.is_dir() {
@@ -257,8 +245,13 @@ fn read_text(path: &Path) -> Result<String> {
         return Err(Error::file(path, problem));
     }
     let bytes = fs::read(path).map_err(Error::read(path))?;
-    String::from_utf8(bytes)
-        .map_err(|_| Error::file(path, "this is no text (UTF-8), so it is no TOML"))
+    match String::from_utf8(bytes) {
+        Ok(text) => Ok((text, Stamp::told(&meta))),
+        Err(_) => Err(Error::file(
+            path,
+            "this is no text (UTF-8), so it is no TOML",
+        )),
+    }
 }
 
 /// A name made of a file's own, with what a name may not have replaced.

@@ -1,6 +1,7 @@
 //! The files that a recipe names: only from its own folder, unless the user says otherwise. A recipe may come from a
 //! stranger, and must not make somebody's private picture part of a map that is passed on.
 
+use super::{Layer, Recipe, Source};
 use crate::error::{Error, Result};
 use std::path::{Component, Path, PathBuf};
 
@@ -98,6 +99,58 @@ pub fn seen_from(folder: &Path, file: &Path) -> Result<String> {
             Error::file(file, "a recipe cannot name it: its path is no Unicode")
                 .with_hint("Rename the file or its folders"),
         ),
+    }
+}
+
+/// The way of a recipe from one folder to another, on which the files that it names stay where they are.
+#[derive(Clone, Debug)]
+pub(crate) struct Way {
+    from: PathBuf,
+    to: PathBuf,
+}
+
+impl Way {
+    /// The way between two folders; `None` where names stay as they are: both are the same, or there was none, so that
+    /// nothing could be named.
+    ///
+    /// # Errors
+    /// [`Error::Read`] when one of them is not there.
+    pub(crate) fn between(from: Option<&Path>, to: &Path) -> Result<Option<Self>> {
+        let real = |path: &Path| path.canonicalize().map_err(Error::read(path));
+        let Some(from) = from else { return Ok(None) };
+        let (from, to) = (real(from)?, real(to)?);
+        Ok((from != to).then_some(Self { from, to }))
+    }
+
+    /// Renames every file that a recipe names. What is not there keeps its name.
+    pub(crate) fn of_recipe(&self, recipe: &mut Recipe) {
+        self.of_mesh(&mut recipe.mesh);
+        for layer in &mut recipe.layers {
+            self.of_layer(layer);
+        }
+    }
+
+    /// Renames every file that a layer names.
+    pub(crate) fn of_layer(&self, layer: &mut Layer) {
+        match &mut layer.source {
+            Source::Image(image) => self.of_file(&mut image.file),
+            Source::Stored(stored) => stored.files_mut().for_each(|name| self.of_file(name)),
+            Source::Strokes(strokes) => self.of_mesh(&mut strokes.mesh),
+            Source::Pattern(_) | Source::Guides(_) => {}
+        }
+    }
+
+    /// Renames a mesh, unless it is a built-in one.
+    pub(crate) fn of_mesh(&self, mesh: &mut Option<String>) {
+        if let Some(name) = mesh.as_mut().filter(|m| is_path(m)) {
+            self.of_file(name);
+        }
+    }
+
+    fn of_file(&self, name: &mut String) {
+        if let Ok(way) = seen_from(&self.to, &self.from.join(&*name)) {
+            *name = way;
+        }
     }
 }
 

@@ -13,15 +13,19 @@ mod image;
 mod layer;
 mod locate;
 mod presets;
+mod stamp;
 mod stored;
 mod update;
 
 pub use evaluate::Prepared;
+pub(crate) use file::BYTES_MAX;
 pub use file::{RecipeFile, read_toml};
+pub(crate) use files::Way;
 pub use files::{Files, seen_from};
 pub use image::Image;
 pub use layer::{Blend, Channels, Layer, Mask, MaskSource, Source};
 pub use presets::{PRESETS, Preset, open, preset};
+pub use stamp::Stamp;
 pub use stored::{Radius, Stored};
 
 use crate::brdf::Model;

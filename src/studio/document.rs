@@ -3,8 +3,9 @@
 use super::journal::Base;
 use super::{Edit, Touched};
 use crate::error::{Error, Result};
-use crate::export::write_atomic;
-use crate::recipe::{Files, Recipe, RecipeFile};
+use crate::export::{real_path, write_atomic};
+use crate::recipe::{BYTES_MAX, Files, Recipe, RecipeFile, Stamp};
+use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -14,6 +15,8 @@ pub struct Document {
     file: RecipeFile,
     recipe: Recipe,
     path: Option<PathBuf>,
+    /// The file's own when it was read or last saved.
+    stamp: Option<Stamp>,
     revision: u64,
     saved: u64,
 }
@@ -23,6 +26,7 @@ impl Document {
     pub fn new(file: RecipeFile, path: Option<PathBuf>) -> Self {
         Self {
             recipe: file.recipe().clone(),
+            stamp: file.stamp(),
             file,
             path,
             revision: 0,
@@ -41,7 +45,11 @@ impl Document {
             .unwrap_or_else(|| base.title.clone().into());
         let folder = base.path.as_deref().map(folder_of);
         let file = RecipeFile::parse(&base.text, name, folder)?;
-        Ok(Self::new(file, base.path.clone()))
+        Ok(Self {
+            stamp: base.stamp,
+            revision: base.unsaved,
+            ..Self::new(file, base.path.clone())
+        })
     }
 
     /// What a journal of this document starts from: the document as it is now.
@@ -49,10 +57,14 @@ impl Document {
     /// # Errors
     /// When the recipe cannot be written as text.
     pub fn base(&self) -> Result<Base> {
+        // Whoever recovers it may do so from another folder.
+        let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
         Ok(Base {
             text: self.text()?,
-            path: self.path.clone(),
+            path: self.path.as_ref().map(absolute),
             title: self.title(),
+            unsaved: self.revision - self.saved,
+            stamp: self.stamp,
         })
     }
 
@@ -127,20 +139,45 @@ impl Document {
         Ok(file.to_toml())
     }
 
+    /// Whether another program has changed its file since it was read or last saved: then saving would undo that. A file
+    /// that is gone, or holds the same under a later time, is not changed.
+    pub fn changed_on_disk(&self) -> bool {
+        let Some(path) = &self.path else { return false };
+        let now = Stamp::of(path);
+        if now.is_none() || now == self.stamp {
+            return false;
+        }
+        fs::read(path).is_ok_and(|bytes| bytes != self.file.to_toml().as_bytes())
+    }
+
     /// Writes it to a file, whole or not at all; that file is its own from now on. Files that it names are named by the way to
-    /// them from there.
+    /// them from there. Where the path is a link, what it leads to is written.
     ///
     /// # Errors
-    /// [`Error::Write`] when the folder or disk takes no file, and as [`RecipeFile::update`]. The document is as before.
+    /// [`Error::Write`] when the folder or disk takes no file, [`Error::File`] when it is too long to be read again, and as
+    /// [`RecipeFile::update`]. The document is as before.
     pub fn save(&mut self, path: &Path) -> Result<()> {
+        self.save_within(BYTES_MAX, path)
+    }
+
+    fn save_within(&mut self, bytes_max: u64, path: &Path) -> Result<()> {
         let mut file = self.file.clone();
         file.update(self.recipe.clone())?;
         let file = file.moved(&folder_of(path))?.saved_as(path);
         let text = file.to_toml();
-        write_atomic(path, |to| to.write_all(text.as_bytes()))?;
+        if text.len() as u64 > bytes_max {
+            let problem = format!(
+                "it would be {} bytes long, and could not be opened again; allowed: {bytes_max}",
+                text.len()
+            );
+            return Err(Error::file(path, problem)
+                .with_hint("Take strokes away, or put some layers into another recipe"));
+        }
+        write_atomic(&real_path(path), |to| to.write_all(text.as_bytes()))?;
         self.recipe = file.recipe().clone();
         self.file = file;
         self.path = Some(path.to_owned());
+        self.stamp = Stamp::of(path);
         self.saved = self.revision;
         Ok(())
     }
@@ -150,4 +187,112 @@ impl Document {
 fn folder_of(path: &Path) -> PathBuf {
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty());
     parent.unwrap_or(Path::new(".")).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "version = 1\nname = 'a' # mine\n";
+
+    fn read(path: &Path) -> Document {
+        Document::new(RecipeFile::read(path).unwrap(), Some(path.to_owned()))
+    }
+
+    fn change(document: &mut Document) {
+        let recipe = Recipe {
+            seed: document.recipe().seed + 1,
+            ..document.recipe().clone()
+        };
+        let recipe = Box::new(recipe);
+        document.apply(Edit::SetRecipe { recipe }).unwrap();
+    }
+
+    #[test]
+    fn what_another_program_writes_is_seen() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        fs::write(&path, TEXT).unwrap();
+        let mut document = read(&path);
+        assert!(!document.changed_on_disk());
+        change(&mut document);
+        assert!(!document.changed_on_disk());
+        fs::write(&path, "version = 1\nname = 'b' # theirs\n").unwrap();
+        assert!(document.changed_on_disk());
+        // Written by both, it is the document's own.
+        document.save(&path).unwrap();
+        assert!(!document.changed_on_disk() && !document.is_changed());
+        let text = fs::read(&path).unwrap();
+        fs::write(&path, "version = 1\n").unwrap();
+        assert!(document.changed_on_disk());
+        fs::write(&path, text).unwrap();
+        assert!(!document.changed_on_disk(), "it says the same");
+        fs::remove_file(&path).unwrap();
+        assert!(!document.changed_on_disk(), "nothing would be lost");
+        assert!(
+            !Document::new(RecipeFile::parse(TEXT, "a", None).unwrap(), None).changed_on_disk()
+        );
+    }
+
+    #[test]
+    fn a_journal_knows_the_file_that_its_document_had() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        fs::write(&path, TEXT).unwrap();
+        let mut document = read(&path);
+        change(&mut document);
+        let base = document.base().unwrap();
+        let json = serde_json::to_string(&base).unwrap();
+        let base: Base = serde_json::from_str(&json).unwrap();
+        assert_eq!(base.unsaved, 1);
+        let back = Document::from_base(&base).unwrap();
+        assert!(back.is_changed() && !back.changed_on_disk());
+        assert_eq!(back.recipe(), document.recipe());
+        fs::write(&path, "version = 1\nname = 'newer'\n").unwrap();
+        assert!(Document::from_base(&base).unwrap().changed_on_disk());
+    }
+
+    #[test]
+    fn a_journal_tells_the_whole_path() {
+        let file = RecipeFile::parse(TEXT, "a.toml", None).unwrap();
+        let base = Document::new(file, Some("a.toml".into())).base().unwrap();
+        assert!(base.path.unwrap().is_absolute());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn saving_through_a_link_keeps_the_link_and_the_rights() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (
+            folder.path().join("deep/real.toml"),
+            folder.path().join("link.toml"),
+        );
+        fs::create_dir(folder.path().join("deep")).unwrap();
+        fs::write(&real, TEXT).unwrap();
+        fs::set_permissions(&real, fs::Permissions::from_mode(0o600)).unwrap();
+        std::os::unix::fs::symlink("deep/real.toml", &link).unwrap();
+        let mut document = read(&link);
+        change(&mut document);
+        document.save(&link).unwrap();
+        assert!(link.is_symlink());
+        assert!(fs::read_to_string(&real).unwrap().contains("seed = 1"));
+        let mode = fs::metadata(&real).unwrap().permissions().mode();
+        assert_eq!(mode & 0o777, 0o600);
+        assert!(!document.changed_on_disk());
+    }
+
+    #[test]
+    fn what_could_not_be_opened_again_is_not_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        fs::write(&path, TEXT).unwrap();
+        let mut document = read(&path);
+        change(&mut document);
+        let error = document.save_within(20, &path).unwrap_err().to_string();
+        assert!(error.contains("allowed: 20"), "{error}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), TEXT);
+        assert!(document.is_changed());
+        document.save_within(1000, &path).unwrap();
+    }
 }

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::map::{Size, Wrap};
 use crate::paint::{STROKES_MAX, Stroke, Strokes};
 use crate::recipe::{
-    Adjust, Blend, Channels, Layer, Mask, Material, Recipe, Scene, Source, Target,
+    Adjust, Blend, Channels, Layer, Mask, Material, Recipe, Scene, Source, Target, Way,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -318,6 +318,21 @@ impl Edit {
             }),
             Self::SetRecipe { .. } => None,
             _ => Some(place),
+        }
+    }
+
+    /// Renames the files that it names, after the recipe went to another folder.
+    pub(super) fn follow(&mut self, way: &Way) {
+        match self {
+            Self::InsertLayer { layer, .. } | Self::SetLayer { layer, .. } => way.of_layer(layer),
+            Self::SetHeader { header } => way.of_mesh(&mut header.mesh),
+            Self::SetRecipe { recipe } => way.of_recipe(recipe),
+            // These name no files.
+            Self::AddStroke { .. }
+            | Self::RemoveStroke { .. }
+            | Self::RemoveLayer { .. }
+            | Self::MoveLayer { .. }
+            | Self::SetHead { .. } => {}
         }
     }
 

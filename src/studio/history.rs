@@ -94,6 +94,12 @@ impl History {
         self.remember(step);
     }
 
+    /// Every edit that is remembered, to be changed where that changes nothing but names.
+    pub(super) fn edits_mut(&mut self) -> impl Iterator<Item = &mut Edit> {
+        let steps = self.undo.iter_mut().chain(&mut self.redo);
+        steps.flat_map(|step| &mut step.edits)
+    }
+
     /// The labels of what was done, the oldest first, and of what was taken back, the next to be done again first.
     pub fn labels(&self) -> (impl Iterator<Item = &str>, impl Iterator<Item = &str>) {
         (

@@ -18,6 +18,7 @@ mod document;
 mod edit;
 mod history;
 mod journal;
+mod keeper;
 mod layers;
 mod paths;
 mod pick;
@@ -42,9 +43,10 @@ use crate::paint::{Brush, Point, Skin};
 use crate::preview::{Prepared, Scene, Timings};
 use crate::progress::Progress;
 use crate::raster::Geometry;
-use crate::recipe::{self, Recipe, RecipeFile, Source};
+use crate::recipe::{self, Recipe, RecipeFile, Source, Way};
 use canvas::Canvas;
 use glam::{Vec2, Vec3};
+use keeper::Keeper;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -94,7 +96,7 @@ pub struct Studio {
     options: Options,
     document: Document,
     history: History,
-    journal: Option<Journal>,
+    keeper: Keeper,
     canvas: Canvas,
     /// Mesh, composite map and colours. Shared with nobody but the thread that refines the picture.
     subject: Arc<Prepared<'static>>,
@@ -152,7 +154,14 @@ impl Studio {
     /// When the recipe's first picture cannot be prepared. A journal that cannot be begun is told by [`Studio::take_trouble`]
     /// instead: it must not keep anybody from working.
     pub fn new(file: RecipeFile, path: Option<PathBuf>, options: Options) -> Result<Self> {
-        let document = Document::new(file, path);
+        let mut studio = Self::at_rest(Document::new(file, path), options)?;
+        studio.begin_journal();
+        studio.work();
+        Ok(studio)
+    }
+
+    /// A studio that has neither begun a journal nor to work out its map.
+    fn at_rest(document: Document, options: Options) -> Result<Self> {
         let stand_in = AnisoMap::constant(Size::new(1, 1)?, Wrap::Repeat, DEFAULT_TEXEL);
         let timings = Timings::on();
         let mesh = mesh::builtin(DEFAULT_MESH).expect("a built-in mesh");
@@ -162,9 +171,9 @@ impl Studio {
             ..Recipe::default()
         };
         let stack = empty.prepare(empty.size, &document.files(), &Progress::none())?;
-        let mut studio = Self {
+        Ok(Self {
             history: History::new(options.undo_bytes),
-            journal: None,
+            keeper: Keeper::new(options.journals.clone()),
             canvas: Canvas::new(stack),
             scene: scene_of(document.recipe(), subject.mesh()),
             subject: Arc::new(subject),
@@ -179,39 +188,35 @@ impl Studio {
             trouble: Vec::new(),
             document,
             options,
-        };
-        studio.begin_journal();
-        studio.work();
-        Ok(studio)
+        })
     }
 
-    /// The work of a journal that was left behind, as a document with unsaved changes. Edits that no longer apply end what is
-    /// recovered; how many were is given too.
+    /// The work of a journal that was left behind, as a document with unsaved changes; how many there are is given too. Edits
+    /// that no longer apply end what is recovered: the journal is then kept until the document is saved or closed.
     ///
     /// # Errors
-    /// When the document that the journal starts from cannot be read.
-    pub fn recover(left: LeftBehind, options: Options) -> Result<(Self, usize)> {
-        let document = Document::from_base(&left.base)?;
-        let text = document.text()?;
-        let folder = left.base.path.as_deref().and_then(Path::parent);
-        let name = left
-            .base
-            .path
-            .clone()
-            .unwrap_or_else(|| left.base.title.clone().into());
-        let file = RecipeFile::parse(&text, name, folder.map(Path::to_owned))?;
-        let mut studio = Self::new(file, left.base.path.clone(), options)?;
-        let mut recovered = 0;
-        for edit in &left.edits {
-            match studio.edit("Recovered work", vec![edit.clone()], None) {
-                Ok(()) => recovered += 1,
+    /// When the document that the journal starts from cannot be read. The journal is kept.
+    pub fn recover(left: LeftBehind, options: Options) -> Result<(Self, u64)> {
+        let (base, edits, journal) = left.take_apart();
+        let mut document = Document::from_base(&base)?;
+        let mut history = History::new(options.undo_bytes);
+        let mut failed = None;
+        for edit in edits {
+            match document.apply(edit) {
+                Ok((back, _)) => history.push(Step::new("Recovered work", vec![back], None)),
                 Err(error) => {
-                    studio.trouble.push(error);
+                    failed = Some(error);
                     break;
                 }
             }
         }
-        left.discard();
+        let recovered = document.revision();
+        let mut studio = Self::at_rest(document, options)?;
+        studio.history = history;
+        studio.keeper.take_up(journal, failed.is_none());
+        studio.trouble.extend(failed);
+        studio.begin_journal();
+        studio.work();
         Ok((studio, recovered))
     }
 
@@ -376,21 +381,19 @@ impl Studio {
         for edit in edits {
             let selected = edit.place_after(self.selected);
             let solo = self.solo.and_then(|s| edit.place_after(s));
-            let copy = self.journal.is_some().then(|| edit.clone());
+            let copy = self.keeper.is_writing().then(|| edit.clone());
             match self.document.apply(edit) {
                 Ok((inverse, what)) => {
                     (self.selected, self.solo) = (selected.unwrap_or(self.selected), solo);
                     back.insert(0, inverse);
                     touched.push(what);
-                    if let Some(edit) = copy {
-                        self.write_journal(&edit);
-                    }
+                    self.write_journal(copy.as_ref());
                 }
                 Err(error) => {
                     for edit in back {
                         let copy = edit.clone();
                         if self.document.apply(edit).is_ok() {
-                            self.write_journal(&copy);
+                            self.write_journal(Some(&copy));
                         }
                     }
                     (self.selected, self.solo) = places;
@@ -401,31 +404,14 @@ impl Studio {
         Ok((back, touched))
     }
 
-    fn write_journal(&mut self, edit: &Edit) {
-        if let Some(Err(error)) = self.journal.as_mut().map(|j| j.write(edit)) {
-            // Edits after a gap could not be recovered: try to begin anew from the document as it is.
-            self.trouble.push(error);
-            self.journal = None;
-            self.begin_journal();
-        }
+    fn write_journal(&mut self, edit: Option<&Edit>) {
+        let failed = self.keeper.write(edit, &self.document);
+        self.trouble.extend(failed);
     }
 
     fn begin_journal(&mut self) {
-        let Some(folder) = &self.options.journals else {
-            return;
-        };
-        match self
-            .document
-            .base()
-            .and_then(|base| Journal::begin(folder, &base))
-        {
-            Ok(journal) => {
-                if let Some(old) = self.journal.replace(journal) {
-                    old.end();
-                }
-            }
-            Err(error) => self.trouble.push(error),
-        }
+        let failed = self.keeper.begin(&self.document).err();
+        self.trouble.extend(failed);
     }
 
     /// Brings what is shown up to date with edits that were just made, or has it brought.
@@ -851,21 +837,26 @@ impl Studio {
         }
     }
 
-    /// Saves to a file, which is the document's own from now on.
+    /// Saves to a file, which is the document's own from now on. Files that the recipe names, now or after an undo, are named
+    /// by the way to them from there.
     ///
     /// # Errors
     /// As [`Document::save`]; the work is kept.
     pub fn save(&mut self, path: &Path) -> Result<()> {
+        let from = self.document.files().folder;
         self.document.save(path)?;
+        let to = self.document.files().folder;
+        if let Some(way) = Way::between(from.as_deref(), &to.unwrap_or_default())? {
+            self.history.edits_mut().for_each(|edit| edit.follow(&way));
+        }
+        self.keeper.end();
         self.begin_journal();
         Ok(())
     }
 
     /// Ends without anything left to recover: for a document that was saved, or whose changes are not wanted.
     pub fn close(mut self) {
-        if let Some(journal) = self.journal.take() {
-            journal.end();
-        }
+        self.keeper.end();
     }
 }
 

@@ -378,6 +378,148 @@ fn work_is_recovered_from_the_journal_to_the_last_stroke() {
     assert!(left_behind(folder.path()).0.is_empty());
 }
 
+/// A studio with one stroke, gone as by a kill, and what it left in a folder.
+fn killed_in(folder: &Path) -> LeftBehind {
+    let options = Options {
+        journals: Some(folder.to_owned()),
+        ..Options::default()
+    };
+    let file = RecipeFile::parse(RECIPE, "painted.toml", None).unwrap();
+    let mut studio = Studio::new(file, None, options).unwrap();
+    studio.settle();
+    studio.select(1);
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    stroke(&mut studio, groove, &[[0.1, 0.2], [0.5, 0.4]]);
+    drop(studio);
+    left_behind(folder).0.remove(0)
+}
+
+#[test]
+fn recovered_work_is_kept_until_it_is_in_another_journal() {
+    let folder = tempfile::tempdir().unwrap();
+    let blocked = folder.path().join("file");
+    std::fs::write(&blocked, "x").unwrap();
+    let options = Options {
+        journals: Some(blocked.clone()),
+        ..Options::default()
+    };
+    let left = killed_in(folder.path());
+    let path = left.path().to_owned();
+    let (mut studio, recovered) = Studio::recover(left, options.clone()).unwrap();
+    assert_eq!((recovered, studio.take_trouble().len()), (1, 1));
+    assert!(path.exists());
+    assert!(
+        left_behind(folder.path()).0.is_empty(),
+        "offered to nobody else"
+    );
+    drop(studio); // killed again
+    let left = left_behind(folder.path()).0.remove(0);
+    let (mut studio, _) = Studio::recover(left, options.clone()).unwrap();
+    std::fs::remove_file(&blocked).unwrap();
+    std::thread::sleep(Duration::from_millis(100));
+    studio.rename_layer(0, "iron").unwrap();
+    assert!(!path.exists(), "it is all in a journal of the new folder");
+    drop(studio);
+    let left = left_behind(&blocked).0.remove(0);
+    assert_eq!(left.changes(), 2);
+    let (studio, recovered) = Studio::recover(left, options).unwrap();
+    assert_eq!(recovered, 2);
+    assert_eq!(studio.recipe().layers[0].name(), "iron");
+}
+
+#[test]
+fn work_that_is_recovered_in_part_keeps_its_journal_until_it_is_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = Options {
+        journals: Some(folder.path().to_owned()),
+        ..Options::default()
+    };
+    let mut left = killed_in(folder.path());
+    left.edits.insert(1, Edit::RemoveLayer { at: 99 });
+    let path = left.path().to_owned();
+    let (mut studio, recovered) = Studio::recover(left, options).unwrap();
+    assert_eq!((recovered, studio.take_trouble().len()), (1, 1));
+    studio.rename_layer(0, "iron").unwrap();
+    assert!(path.exists());
+    studio.save(&folder.path().join("saved.toml")).unwrap();
+    assert!(!path.exists());
+    studio.close();
+    let there = std::fs::read_dir(folder.path()).unwrap();
+    assert_eq!(there.count(), 1, "the recipe alone");
+}
+
+#[test]
+fn recovering_is_undone_stroke_by_stroke() {
+    let folder = tempfile::tempdir().unwrap();
+    let left = killed_in(folder.path());
+    let (mut studio, _) = Studio::recover(left, Options::default()).unwrap();
+    assert_eq!(studio.history().len(), (1, 0));
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+    assert!(studio.undo().unwrap());
+    studio.settle();
+    assert!(*studio.map() == *painted().map());
+}
+
+#[test]
+fn undo_after_saving_elsewhere_finds_its_files() {
+    let root = tempfile::tempdir().unwrap();
+    let (here, there) = (root.path().join("here"), root.path().join("there"));
+    std::fs::create_dir_all(&here).unwrap();
+    std::fs::create_dir_all(&there).unwrap();
+    for name in ["x.exr", "y.exr", "pot.obj", "recipe.toml"] {
+        std::fs::write(here.join(name), "").unwrap();
+    }
+    let text = "version = 1\nmesh = 'pot.obj'\n[[layers]]\nname = 'a'\n[layers.image]\nfile = 'x.exr'\n\
+        [[layers]]\nname = 'b'\n[layers.image]\nfile = 'x.exr'\n";
+    std::fs::write(here.join("recipe.toml"), text).unwrap();
+    let file = RecipeFile::read(here.join("recipe.toml")).unwrap();
+    let mut studio = Studio::new(file, Some(here.join("recipe.toml")), Options::default()).unwrap();
+    let before = studio.recipe().clone();
+    let file = "y.exr".to_owned();
+    let other = Source::Image(recipe::Image { file });
+    studio.set_source(0, "Image", other).unwrap();
+    studio.remove_layer(1).unwrap();
+    let header = Header {
+        mesh: None,
+        ..Header::of(studio.recipe())
+    };
+    studio.set_header("Mesh", header).unwrap();
+    studio.undo().unwrap(); // one to be done again
+    studio.redo().unwrap();
+    studio.undo().unwrap();
+    studio.save(&there.join("recipe.toml")).unwrap();
+    let named = |studio: &Studio, name: &str| {
+        let files = recipe::Files {
+            allow_outside: true,
+            ..studio.document().files()
+        };
+        let real = files.resolve("file", name).unwrap();
+        real.strip_prefix(here.canonicalize().unwrap())
+            .unwrap()
+            .to_owned()
+    };
+    let images = |studio: &Studio| -> Vec<PathBuf> {
+        let layers = studio.recipe().layers.iter();
+        let names = layers.map(|layer| match &layer.source {
+            Source::Image(image) => named(studio, &image.file),
+            _ => panic!("an image"),
+        });
+        names.collect()
+    };
+    assert_eq!(images(&studio), [Path::new("y.exr")]);
+    while studio.undo().unwrap() {}
+    assert_eq!(images(&studio), [Path::new("x.exr"), Path::new("x.exr")]);
+    let mesh = studio.recipe().mesh.clone().unwrap();
+    assert_eq!(named(&studio, &mesh), Path::new("pot.obj"));
+    while studio.redo().unwrap() {}
+    assert_eq!(images(&studio), [Path::new("y.exr")]);
+    // Back home everything is called as at first.
+    while studio.undo().unwrap() {}
+    studio.save(&here.join("again.toml")).unwrap();
+    assert_eq!(*studio.recipe(), before);
+}
+
 #[test]
 fn a_folder_that_takes_no_file_keeps_the_work() {
     let folder = tempfile::tempdir().unwrap();
