@@ -150,6 +150,13 @@ impl Document {
         fs::read(path).is_ok_and(|bytes| bytes != self.file.to_toml().as_bytes())
     }
 
+    /// Takes over its file as another program has made it, after the recipe became what that says: it is saved.
+    pub(super) fn take_file(&mut self, file: RecipeFile) {
+        self.stamp = file.stamp();
+        self.file = file;
+        self.saved = self.revision;
+    }
+
     /// Writes it to a file, whole or not at all; that file is its own from now on. Files that it names are named by the way to
     /// them from there. Where the path is a link, what it leads to is written.
     ///

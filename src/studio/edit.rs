@@ -188,6 +188,11 @@ impl Header {
             && self.seed == other.seed
             && self.adjust == other.adjust
     }
+
+    /// Whether mesh, colours and lights are the same.
+    fn makes_the_same_scene(&self, other: &Self) -> bool {
+        self.mesh == other.mesh && self.material == other.material && self.scene == other.scene
+    }
 }
 
 /// What has to be worked out anew after an edit.
@@ -201,6 +206,8 @@ pub enum Touched {
     Strokes(usize),
     /// The map.
     Map,
+    /// The map, and mesh, colours or lights as well.
+    All,
 }
 
 impl Edit {
@@ -290,8 +297,10 @@ impl Edit {
                 let before = Header::of(recipe);
                 let touched = if header.makes_the_same_map(&before) {
                     Touched::Scene
-                } else {
+                } else if header.makes_the_same_scene(&before) {
                     Touched::Map
+                } else {
+                    Touched::All
                 };
                 header.put_into(recipe)?;
                 let header = Box::new(before);
@@ -299,7 +308,7 @@ impl Edit {
             }
             Self::SetRecipe { recipe: mut other } => {
                 std::mem::swap(&mut *other, recipe);
-                (Self::SetRecipe { recipe: other }, Touched::Map)
+                (Self::SetRecipe { recipe: other }, Touched::All)
             }
         })
     }

@@ -417,7 +417,7 @@ impl Studio {
     /// Brings what is shown up to date with edits that were just made, or has it brought.
     fn follow(&mut self, touched: Vec<Touched>) {
         let layers = self.recipe().layers.len();
-        if touched.contains(&Touched::Map) {
+        if touched.iter().any(|t| *t >= Touched::Map) {
             self.solo = self.solo.filter(|s| *s < layers);
         }
         self.selected = self.selected.min(layers.saturating_sub(1));
@@ -427,6 +427,10 @@ impl Studio {
                 Touched::Scene => self.follow_scene(),
                 Touched::Strokes(layer) => self.follow_strokes(layer),
                 Touched::Map => self.shown.revision = None,
+                Touched::All => {
+                    self.follow_scene();
+                    self.shown.revision = None;
+                }
             }
         }
         if self.shown.revision.is_none() {
@@ -729,6 +733,11 @@ impl Studio {
         }
     }
 
+    /// Whether a stroke is in flight.
+    pub fn is_drawing(&self) -> bool {
+        self.canvas.is_drawing()
+    }
+
     /// Takes the stroke in flight away.
     pub fn cancel_stroke(&mut self) {
         let dirty = self.canvas.cancel();
@@ -852,6 +861,30 @@ impl Studio {
         self.keeper.end();
         self.begin_journal();
         Ok(())
+    }
+
+    /// Takes over the document's file as another program has made it, as one step of the history: work that the file does not
+    /// have is one undo away. The document is then saved. `false`, and nothing done, while a stroke is in flight: try again
+    /// when the pen is lifted.
+    ///
+    /// # Errors
+    /// When the file is of a newer version, or the document is.
+    pub fn reload(&mut self, file: RecipeFile) -> Result<bool> {
+        if self.is_drawing() {
+            return Ok(false);
+        }
+        if file.is_read_only() {
+            let problem = "another program made it a file of a newer version";
+            return Err(Error::file(file.path(), problem)
+                .with_hint("Your work is as it was; save it under another name"));
+        }
+        if file.recipe() != self.recipe() {
+            let recipe = Box::new(file.recipe().clone());
+            self.edit("Read again", vec![Edit::SetRecipe { recipe }], None)?;
+        }
+        self.document.take_file(file);
+        self.begin_journal();
+        Ok(true)
     }
 
     /// Ends without anything left to recover: for a document that was saved, or whose changes are not wanted.

@@ -462,6 +462,52 @@ fn recovering_is_undone_stroke_by_stroke() {
 }
 
 #[test]
+fn a_file_that_another_program_changed_is_one_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("painted.toml");
+    std::fs::write(&path, RECIPE).unwrap();
+    let file = RecipeFile::read(&path).unwrap();
+    let mut studio = Studio::new(file, Some(path.clone()), Options::default()).unwrap();
+    studio.settle();
+    studio.select(1);
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    stroke(&mut studio, groove.clone(), &[[0.1, 0.2], [0.5, 0.4]]);
+    let mine = studio.recipe().clone();
+    let theirs = RECIPE.replace("angle = 20", "angle = 70 # theirs")
+        + "[material]\ndiffuse = [0.2, 0.3, 0.4]\n[scene]\nexposure = 1.5\n";
+    std::fs::write(&path, theirs).unwrap();
+    assert!(studio.document().changed_on_disk());
+    let read = || RecipeFile::read(&path).unwrap();
+    studio.begin_stroke(groove, 2).unwrap();
+    studio.stroke_to(Point::new(Vec2::splat(0.5), 1.0).unwrap());
+    assert!(!studio.reload(read()).unwrap(), "the pen is down");
+    assert!(studio.is_drawing());
+    studio.cancel_stroke();
+    assert!(studio.reload(read()).unwrap());
+    assert!(!studio.document().is_changed() && !studio.document().changed_on_disk());
+    assert_eq!(studio.recipe(), read().recipe());
+    assert!(studio.document().text().unwrap().contains("# theirs"));
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+    assert_eq!(studio.scene().exposure, 1.5);
+    assert_eq!(studio.history().len(), (2, 0));
+    assert!(studio.undo().unwrap());
+    assert!(studio.document().is_changed());
+    assert_eq!(*studio.recipe(), mine);
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+    assert_eq!(studio.scene().exposure, mine.scene.exposure);
+    studio.redo().unwrap();
+    assert_eq!(studio.recipe(), read().recipe());
+    // The same once more is no step.
+    assert!(studio.reload(read()).unwrap());
+    assert_eq!(studio.history().len(), (2, 0));
+    std::fs::write(&path, RECIPE.replace("version = 1", "version = 99")).unwrap();
+    let error = studio.reload(read()).unwrap_err().to_string();
+    assert!(error.contains("newer version"), "{error}");
+}
+
+#[test]
 fn undo_after_saving_elsewhere_finds_its_files() {
     let root = tempfile::tempdir().unwrap();
     let (here, there) = (root.path().join("here"), root.path().join("there"));
