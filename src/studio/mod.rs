@@ -516,7 +516,8 @@ impl Studio {
         let finished = job.map(|job| match job.result.try_recv() {
             Ok(made) => Some(made),
             Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(Err(Error::Cancelled)),
+            // One that is stopped says so: this one broke.
+            Err(TryRecvError::Disconnected) => Some(Err(broken_off())),
         });
         if let Some(Some(made)) = finished {
             self.take_over(made);
@@ -887,10 +888,23 @@ impl Studio {
         Ok(true)
     }
 
+    /// Lets undo hold about this many bytes from now on, and forgets the oldest steps where it holds more.
+    pub fn set_undo_bytes(&mut self, bytes: usize) {
+        self.options.undo_bytes = bytes;
+        self.history.set_budget(bytes);
+    }
+
     /// Ends without anything left to recover: for a document that was saved, or whose changes are not wanted.
     pub fn close(mut self) {
         self.keeper.end();
     }
+}
+
+/// What is said of work in the background that ended without a word.
+fn broken_off() -> Error {
+    let problem = "the work on it broke off by a mistake of this program";
+    Error::machine("the map cannot be shown")(problem)
+        .with_hint("The recipe is as it was: undo the last change, or save and start again")
 }
 
 /// Why nothing can be painted.

@@ -567,6 +567,35 @@ fn undo_after_saving_elsewhere_finds_its_files() {
 }
 
 #[test]
+fn a_mistake_in_the_background_is_told() {
+    let mut studio = painted();
+    studio.work();
+    // As when the thread panics: it says nothing more.
+    let (_, silent) = channel();
+    studio.job.as_mut().unwrap().result = silent;
+    studio.settle();
+    let told = studio.take_trouble().remove(0);
+    assert_eq!(told.exit_code(), 3);
+    assert!(told.to_string().contains("broke off"), "{told}");
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    stroke(&mut studio, groove, &[[0.1, 0.2], [0.5, 0.4]]);
+    assert_shows_its_recipe(&studio);
+}
+
+#[test]
+fn memory_for_undo_is_changed_at_any_time() {
+    let mut studio = painted();
+    some_strokes(&mut studio);
+    studio.set_undo_bytes(0);
+    assert_eq!(studio.history().len(), (1, 0));
+    some_strokes(&mut studio);
+    assert_eq!(studio.history().len(), (1, 0));
+    studio.set_undo_bytes(1 << 20);
+    some_strokes(&mut studio);
+    assert_eq!(studio.history().len(), (5, 0));
+}
+
+#[test]
 fn a_folder_that_takes_no_file_keeps_the_work() {
     let folder = tempfile::tempdir().unwrap();
     let mut studio = painted();
