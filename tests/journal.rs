@@ -298,4 +298,18 @@ fn much_work_is_recovered_soon_and_in_little_memory() {
     let (studio, changes) =
         Studio::recover(only_one(&folder(6000)), Options::default()).expect("work");
     assert_eq!((strokes(&studio), changes), (6000, 7000));
+    let left = {
+        let folder = folder(2);
+        long_journal(&folder, 3, 0);
+        only_one(&folder)
+    };
+    let brushes: Vec<_> = left
+        .edits
+        .iter()
+        .filter_map(|edit| match edit {
+            Edit::AddStroke { stroke, .. } => Some(stroke.brush()),
+            _ => None,
+        })
+        .collect();
+    assert!(brushes.len() == 3 && brushes.iter().all(|b| Arc::ptr_eq(b, brushes[0])));
 }

@@ -317,6 +317,13 @@ impl Stroke {
         &self.brush
     }
 
+    /// Takes a brush that is equal to its own for it: many strokes with one brush hold it once.
+    pub(crate) fn share_brush(&mut self, brush: &Arc<Brush>) {
+        if self.brush == *brush {
+            self.brush = brush.clone();
+        }
+    }
+
     /// Where it goes.
     pub fn points(&self) -> &Points {
         &self.points

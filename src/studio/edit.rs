@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::map::{Size, Wrap};
-use crate::paint::{STROKES_MAX, Stroke, Strokes};
+use crate::paint::{Brush, STROKES_MAX, Stroke, Strokes};
 use crate::recipe::{
     Adjust, Blend, Channels, Layer, Mask, Material, Recipe, Scene, Source, Target, Way,
 };
@@ -327,6 +327,16 @@ impl Edit {
             }),
             Self::SetRecipe { .. } => None,
             _ => Some(place),
+        }
+    }
+
+    /// Lets a stroke share the brush of the one before it, which it was written beside, where both are equal.
+    pub(super) fn share_brush(&mut self, last: &mut Option<Arc<Brush>>) {
+        if let Self::AddStroke { stroke, .. } = self {
+            if let (Some(last), Some(stroke)) = (&*last, Arc::get_mut(stroke)) {
+                stroke.share_brush(last);
+            }
+            *last = Some(stroke.brush().clone());
         }
     }
 

@@ -331,10 +331,13 @@ fn read(path: &Path, hold: Hold) -> Result<Option<LeftBehind>> {
             return Err(Error::file(path, problem).with_hint("Nothing of it can be recovered"));
         }
     };
-    let (mut edits, mut damage) = (Vec::new(), None);
+    let (mut edits, mut damage, mut brush) = (Vec::new(), None, None);
     while let Some(line) = lines.next()? {
         match parse(&line) {
-            Some(Record::Edit(edit)) => edits.push(*edit),
+            Some(Record::Edit(mut edit)) => {
+                edit.share_brush(&mut brush);
+                edits.push(*edit);
+            }
             _ => {
                 let rest = lines.count()?;
                 damage = Some(match rest {
