@@ -4,14 +4,14 @@
 //! of [`SlopeCovariance`], and a fetch between texels and levels is a weighted sum of it. Averaging widths and directions
 //! instead keeps the peak and loses the shape: brushed metal seen from afar must grow rough across its grooves.
 
-use crate::map::{AnisoMap, Rect, Size, SlopeCovariance, Texel};
+use crate::map::{AnisoMap, Rect, Region, Size, SlopeCovariance, Texel, gathered};
 use crate::math;
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::Vec2;
 use rayon::prelude::*;
 use std::borrow::Cow;
-use std::ops::{Add, Mul};
+use std::ops::{Add, Mul, Range};
 
 /// How much longer than wide a footprint may be; a longer one is taken as wider.
 const RATIO_MAX: f32 = 8.0;
@@ -49,6 +49,7 @@ struct Mean {
 }
 
 impl Mean {
+    #[inline(always)]
     fn of(texel: Texel) -> Self {
         Self {
             covariance: texel.into(),
@@ -67,6 +68,7 @@ impl Mean {
 
 impl Add for Mean {
     type Output = Self;
+    #[inline(always)]
     fn add(self, o: Self) -> Self {
         Self {
             covariance: self.covariance + o.covariance,
@@ -77,6 +79,7 @@ impl Add for Mean {
 
 impl Mul<f32> for Mean {
     type Output = Self;
+    #[inline(always)]
     fn mul(self, f: f32) -> Self {
         Self {
             covariance: self.covariance * f,
@@ -95,10 +98,7 @@ impl<'a> Pyramid<'a> {
         while size.texels() > 1 {
             let mut next = Level::half_of(size);
             let whole = next.size.rect();
-            match levels.last() {
-                None => next.fill(whole, size, |i| Mean::of(base.texel_at(i))),
-                Some(level) => next.fill(whole, size, |i| level.texels[i]),
-            }
+            next.fill_from(levels.last(), &base, &[whole], size);
             size = next.size;
             levels.push(next);
         }
@@ -111,7 +111,7 @@ impl<'a> Pyramid<'a> {
         if size.texels() <= SIDE_BY_SIDE_MAX {
             let places = (size.width() as usize + 1) * size.height() as usize;
             pyramid.texels = vec![[0.0; 4]; places];
-            pyramid.lay_side_by_side(size.rect());
+            pyramid.lay_side_by_side(&[size.rect()]);
         }
         pyramid
     }
@@ -122,55 +122,83 @@ impl<'a> Pyramid<'a> {
     /// # Panics
     /// When the rectangle reaches outside the map, or the map afterwards has another size or wrap.
     pub fn change(&mut self, rect: Rect, change: impl FnOnce(&mut AnisoMap)) {
-        let mut size = self.base.size();
+        let (size, wrap) = (self.base.size(), self.base.wrap());
         assert!(
             size.rect().intersection(rect) == Some(rect),
             "a rectangle inside the map"
         );
-        let wrap = self.base.wrap();
         change(self.base.to_mut());
         assert!(
             self.base.size() == size && self.base.wrap() == wrap,
             "a map of the same size and wrap"
         );
-        self.lay_side_by_side(rect);
-        let mut rect = rect;
+        self.follow(vec![rect]);
+    }
+
+    /// Writes rectangles of the map, which lie inside it, and brings the levels above them up to date.
+    ///
+    /// # Panics
+    /// When a rectangle reaches outside the map.
+    pub fn write(&mut self, regions: &[Region]) {
+        let whole = self.base.size().rect();
+        let rects: Vec<Rect> = regions.iter().map(Region::rect).collect();
+        assert!(
+            rects.iter().all(|r| whole.intersection(*r) == Some(*r)),
+            "rectangles inside the map"
+        );
+        self.base.to_mut().write_regions(regions);
+        self.follow(rects);
+    }
+
+    /// Brings everything over some rectangles of the map up to date.
+    fn follow(&mut self, mut rects: Vec<Rect>) {
+        self.lay_side_by_side(&rects);
+        let mut size = self.base.size();
         for i in 0..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
             let next = &mut above[0];
-            rect = next.above(rect, size);
-            match below.last() {
-                None => next.fill(rect, size, |i| Mean::of(self.base.texel_at(i))),
-                Some(level) => next.fill(rect, size, |i| level.texels[i]),
+            for rect in &mut rects {
+                *rect = next.above(*rect, size);
             }
+            if i == FEW_FROM {
+                rects = gathered(&rects);
+            }
+            next.fill_from(below.last(), &self.base, &rects, size);
             size = next.size;
         }
     }
 
-    /// Copies a rectangle of the map to where fetches find it.
-    fn lay_side_by_side(&mut self, rect: Rect) {
+    /// Copies rectangles of the map to where fetches find them.
+    fn lay_side_by_side(&mut self, rects: &[Rect]) {
         if self.texels.is_empty() {
             return;
         }
         let base = self.base.as_ref();
         let width = base.width() as usize;
-        let columns = rect.x as usize..(rect.x + rect.width) as usize;
         let beyond = if base.wrap().repeats_u() {
             0
         } else {
             width - 1
         };
         self.texels
-            .par_chunks_mut(width + 1)
-            .enumerate()
-            .skip(rect.y as usize)
-            .take(rect.height as usize)
-            .for_each(|(y, row)| {
-                for x in columns.clone() {
-                    row[x] = four(base, y * width + x);
-                }
-                if columns.contains(&beyond) {
-                    row[width] = row[beyond];
+            .par_chunks_mut((width + 1) * BAND)
+            .zip((0..base.height()).into_par_iter().step_by(BAND))
+            .for_each(|(band, first)| {
+                for (y, columns) in rows_in(rects, first, band.len() / (width + 1)) {
+                    let row = &mut band[(y - first) as usize * (width + 1)..][..=width];
+                    let start = y as usize * width;
+                    let planes = [base.alpha_x(), base.alpha_y(), base.cos2(), base.sin2()];
+                    let [ax, ay, c, s] =
+                        planes.map(|p| &p[start + columns.start..start + columns.end]);
+                    let texels = row[columns.clone()].iter_mut();
+                    for ((texel, (ax, ay)), (c, s)) in
+                        texels.zip(ax.iter().zip(ay)).zip(c.iter().zip(s))
+                    {
+                        *texel = [*ax, *ay, *c, *s];
+                    }
+                    if columns.contains(&beyond) {
+                        row[width] = row[beyond];
+                    }
                 }
             });
     }
@@ -510,8 +538,19 @@ impl Level {
         }
     }
 
-    /// Averages a rectangle of the level from one of `size` below.
-    fn fill(&mut self, rect: Rect, size: Size, source: impl Fn(usize) -> Mean + Sync) {
+    /// Averages rectangles of the level from the level of `size` below, or from the map.
+    fn fill_from(&mut self, below: Option<&Self>, base: &AnisoMap, rects: &[Rect], size: Size) {
+        let halves =
+            size.width() == 2 * self.size.width() && size.height() == 2 * self.size.height();
+        match below {
+            None if halves => self.fill_halves(rects, base),
+            None => self.fill(rects, size, |i| Mean::of(base.texel_at(i))),
+            Some(level) => self.fill(rects, size, |i| level.texels[i]),
+        }
+    }
+
+    /// Averages rectangles of the level from one of `size` below.
+    fn fill(&mut self, rects: &[Rect], size: Size, source: impl Fn(usize) -> Mean + Sync) {
         let row_sum = |y: usize, (x, weights): &(usize, Vec<f32>)| {
             let start = y * size.width() as usize + x;
             weights
@@ -519,22 +558,95 @@ impl Level {
                 .enumerate()
                 .fold(Mean::default(), |sum, (k, &w)| sum + source(start + k) * w)
         };
-        let columns = rect.x as usize..(rect.x + rect.width) as usize;
-        self.texels
-            .par_chunks_mut(self.size.width() as usize)
-            .zip(&self.rows)
-            .skip(rect.y as usize)
-            .take(rect.height as usize)
-            .for_each(|(line, (y, weights))| {
-                let line = &mut line[columns.clone()];
-                for (texel, column) in line.iter_mut().zip(&self.columns[columns.clone()]) {
-                    *texel = Mean::default();
-                    for (k, &w) in weights.iter().enumerate() {
-                        *texel = *texel + row_sum(y + k, column) * w;
-                    }
+        let (weights, rows) = (&self.columns, &self.rows);
+        each_row(&mut self.texels, self.size, rects, |y, columns, line| {
+            let (y, weights_down) = &rows[y as usize];
+            for (texel, column) in line.iter_mut().zip(&weights[columns]) {
+                *texel = Mean::default();
+                for (k, &w) in weights_down.iter().enumerate() {
+                    *texel = *texel + row_sum(y + k, column) * w;
                 }
-            });
+            }
+        });
     }
+
+    /// [`Level::fill`] from a map of exactly twice the size: each texel is the mean of four.
+    fn fill_halves(&mut self, rects: &[Rect], base: &AnisoMap) {
+        let width = base.width() as usize;
+        let planes = [base.alpha_x(), base.alpha_y(), base.cos2(), base.sin2()];
+        each_row(&mut self.texels, self.size, rects, |y, columns, line| {
+            let row = |below: usize| {
+                let start = (2 * y as usize + below) * width;
+                planes.map(|p| &p[start + 2 * columns.start..start + 2 * columns.end])
+            };
+            let rows = [row(0), row(1)];
+            dispatch!(math::level(), simd => mean_of_four(simd, rows, line));
+        });
+    }
+}
+
+/// The mean of two texels of each of two rows, in the order of [`Level::fill`].
+#[simd]
+fn mean_of_four<S: Simd>(_: S, rows: [[&[f32]; 4]; 2], out: &mut [Mean]) {
+    let n = out.len();
+    let rows = rows.map(|planes| planes.map(|p| &p[..2 * n]));
+    for (i, out) in out.iter_mut().enumerate() {
+        let mut all = Mean::default();
+        for [ax, ay, c, s] in rows {
+            let mut sum = Mean::default();
+            for k in [2 * i, 2 * i + 1] {
+                let axis = math::Axis {
+                    cos2: c[k],
+                    sin2: s[k],
+                };
+                let texel = Texel {
+                    alpha_x: ax[k],
+                    alpha_y: ay[k],
+                    axis,
+                };
+                sum = sum + Mean::of(texel) * 0.5;
+            }
+            all = all + sum * 0.5;
+        }
+        *out = all;
+    }
+}
+
+/// Rows that one thread works on at a time.
+const BAND: usize = 32;
+/// The level from which on few large rectangles cost less than many small ones.
+const FEW_FROM: usize = 3;
+
+/// Calls `work` with every part of a row of a level that lies in any of some rectangles: its number, its columns, its texels.
+fn each_row(
+    texels: &mut [Mean],
+    size: Size,
+    rects: &[Rect],
+    work: impl Fn(u32, Range<usize>, &mut [Mean]) + Sync,
+) {
+    let width = size.width() as usize;
+    texels
+        .par_chunks_mut(width * BAND)
+        .zip((0..size.height()).into_par_iter().step_by(BAND))
+        .for_each(|(band, first)| {
+            for (y, columns) in rows_in(rects, first, band.len() / width) {
+                let start = (y - first) as usize * width;
+                work(
+                    y,
+                    columns.clone(),
+                    &mut band[start + columns.start..start + columns.end],
+                );
+            }
+        });
+}
+
+/// The parts of `rows` rows from `first` on that lie in any of some rectangles.
+fn rows_in(rects: &[Rect], first: u32, rows: usize) -> impl Iterator<Item = (u32, Range<usize>)> {
+    rects.iter().flat_map(move |r| {
+        let (top, bottom) = (r.y.max(first), (r.y + r.height).min(first + rows as u32));
+        let columns = r.x as usize..(r.x + r.width) as usize;
+        (top..bottom.max(top)).map(move |y| (y, columns.clone()))
+    })
 }
 
 #[cfg(test)]

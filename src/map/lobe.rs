@@ -55,6 +55,7 @@ impl SlopeCovariance {
 }
 
 impl From<Texel> for SlopeCovariance {
+    #[inline(always)]
     fn from(texel: Texel) -> Self {
         let (x, y) = (
             0.5 * texel.alpha_x * texel.alpha_x,
@@ -71,6 +72,7 @@ impl From<Texel> for SlopeCovariance {
 
 impl Add for SlopeCovariance {
     type Output = Self;
+    #[inline(always)]
     fn add(self, o: Self) -> Self {
         Self {
             uu: self.uu + o.uu,
@@ -88,6 +90,7 @@ impl AddAssign for SlopeCovariance {
 
 impl Mul<f32> for SlopeCovariance {
     type Output = Self;
+    #[inline(always)]
     fn mul(self, f: f32) -> Self {
         Self {
             uu: self.uu * f,

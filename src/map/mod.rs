@@ -9,6 +9,7 @@ mod sample;
 mod winding;
 
 pub use lobe::SlopeCovariance;
+pub(crate) use region::gathered;
 pub use region::{Rect, Region, RegionMut, SIDE_MAX, Size, TEXELS_MAX};
 pub use sample::Footprint;
 pub(crate) use winding::{LOOPS_MAX, Turning, gather, singularity, turn, turns_around};
@@ -16,6 +17,7 @@ pub use winding::{Singularity, singularities};
 
 use crate::error::Result;
 use crate::math::{AXIS_MIN_LENGTH, Axis};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
@@ -251,6 +253,20 @@ impl AnisoMap {
     /// Copies a rectangle into the map, where the two overlap.
     pub fn write_region(&mut self, source: &Region) {
         self.region.copy_from(source);
+    }
+}
+
+/// Rows of a map that are written side by side.
+const BAND: u32 = 64;
+
+impl AnisoMap {
+    /// Copies rectangles into the map, where they overlap with it, on all threads of the current pool.
+    pub fn write_regions(&mut self, sources: &[Region]) {
+        self.bands_mut(BAND).into_par_iter().for_each(|mut band| {
+            for source in sources {
+                band.copy_from(source);
+            }
+        });
     }
 }
 

@@ -143,6 +143,18 @@ impl Rect {
         })
     }
 
+    /// The rectangle that holds both.
+    #[must_use]
+    pub fn hull(self, other: Self) -> Self {
+        let (x, y) = (self.x.min(other.x), self.y.min(other.y));
+        Self {
+            x,
+            y,
+            width: (self.x + self.width).max(other.x + other.width) - x,
+            height: (self.y + self.height).max(other.y + other.height) - y,
+        }
+    }
+
     /// Tiles of at most `side` x `side` texels that cover the rectangle, row by row.
     pub fn tiles(self, side: u32) -> impl Iterator<Item = Self> {
         let (cols, rows) = (self.width.div_ceil(side), self.height.div_ceil(side));
@@ -155,6 +167,35 @@ impl Rect {
             })
         })
     }
+}
+
+/// The height of the bands that [`gathered`] works in.
+const GATHER: u32 = 256;
+
+/// Fewer and larger rectangles that hold some others, and little more: in bands, those that meet one another sideways in one.
+pub(crate) fn gathered(rects: &[Rect]) -> Vec<Rect> {
+    let mut parts: Vec<Rect> = Vec::new();
+    for rect in rects {
+        let bottom = rect.y + rect.height;
+        let mut y = rect.y;
+        while y < bottom {
+            let end = ((y / GATHER + 1) * GATHER).min(bottom);
+            let height = end - y;
+            parts.push(Rect { y, height, ..*rect });
+            y = end;
+        }
+    }
+    parts.sort_unstable_by_key(|r| (r.y / GATHER, r.x));
+    let mut found: Vec<Rect> = Vec::new();
+    for part in parts {
+        match found.last_mut() {
+            Some(last) if last.y / GATHER == part.y / GATHER && last.x + last.width >= part.x => {
+                *last = last.hull(part);
+            }
+            _ => found.push(part),
+        }
+    }
+    found
 }
 
 /// An owned rectangle of texels.
@@ -235,16 +276,34 @@ impl Region {
 
     /// Copies the texels that both have.
     pub fn copy_from(&mut self, source: &Self) {
-        let Some(common) = self.rect.intersection(source.rect) else {
-            return;
+        self.view_mut().copy_from(source);
+    }
+
+    /// A copy of a rectangle of it.
+    ///
+    /// # Panics
+    /// When `rect` reaches outside.
+    pub fn crop(&self, rect: Rect) -> Self {
+        let n = rect.width as usize;
+        let plane = |from: &[f32]| {
+            let mut to = Vec::with_capacity(rect.texels());
+            for y in rect.y..rect.y + rect.height {
+                let start = self.rect.index(rect.x, y);
+                to.extend_from_slice(&from[start..start + n]);
+            }
+            to
         };
-        let n = common.width as usize;
-        for y in common.y..common.y + common.height {
-            let (to, from) = (self.rect.index(common.x, y), source.rect.index(common.x, y));
-            self.alpha_x[to..to + n].copy_from_slice(&source.alpha_x[from..from + n]);
-            self.alpha_y[to..to + n].copy_from_slice(&source.alpha_y[from..from + n]);
-            self.cos2[to..to + n].copy_from_slice(&source.cos2[from..from + n]);
-            self.sin2[to..to + n].copy_from_slice(&source.sin2[from..from + n]);
+        assert!(
+            self.rect.intersection(rect) == Some(rect),
+            "{rect:?} reaches outside {:?}",
+            self.rect
+        );
+        Self {
+            rect,
+            alpha_x: plane(&self.alpha_x),
+            alpha_y: plane(&self.alpha_y),
+            cos2: plane(&self.cos2),
+            sin2: plane(&self.sin2),
         }
     }
 
@@ -325,6 +384,21 @@ impl<'a> RegionMut<'a> {
             alpha_y: self.alpha_y,
             cos2: self.cos2,
             sin2: self.sin2,
+        }
+    }
+
+    /// Copies the texels that a region has as well.
+    pub fn copy_from(&mut self, source: &Region) {
+        let Some(common) = self.rect.intersection(source.rect) else {
+            return;
+        };
+        let n = common.width as usize;
+        for y in common.y..common.y + common.height {
+            let (to, from) = (self.rect.index(common.x, y), source.rect.index(common.x, y));
+            self.alpha_x[to..to + n].copy_from_slice(&source.alpha_x[from..from + n]);
+            self.alpha_y[to..to + n].copy_from_slice(&source.alpha_y[from..from + n]);
+            self.cos2[to..to + n].copy_from_slice(&source.cos2[from..from + n]);
+            self.sin2[to..to + n].copy_from_slice(&source.sin2[from..from + n]);
         }
     }
 

@@ -5,7 +5,7 @@ use super::shade::{Desk, Lines, Shader, split};
 use super::{Look, Material, Picture, Scene, Stage, Timings, sample_grid};
 use crate::error::Result;
 use crate::filter::Pyramid;
-use crate::map::{AnisoMap, Rect, Size};
+use crate::map::{AnisoMap, Rect, Region, Size, gathered};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
 use crate::raster::{Corners, Cull, Geometry, Plan, TILE, Tile, View};
@@ -16,7 +16,7 @@ use std::sync::Mutex;
 /// Samples that are drawn at a time: bounds the memory of tiles that are drawn before they are lit.
 pub(super) const BAND_SAMPLES: u64 = 1 << 24;
 /// Changes of the map that are remembered; who has missed more looks at all of it again.
-const CHANGES_MAX: usize = 64;
+const CHANGES_MAX: usize = 256;
 
 /// Mesh, map and material, with what is worked out of them once: the mesh's attributes in drawing order, the map's levels,
 /// and its texels side by side.
@@ -86,11 +86,24 @@ impl<'a> Prepared<'a> {
     /// When the rectangle reaches outside the map, or the map afterwards has another size or wrap.
     pub fn change_map(&mut self, rect: Rect, change: impl FnOnce(&mut AnisoMap)) {
         self.pyramid.change(rect, change);
-        self.revision += 1;
-        if self.changes.len() == CHANGES_MAX {
-            self.changes.remove(0);
-        }
-        self.changes.push(rect);
+        self.remember(&[rect]);
+    }
+
+    /// Writes rectangles of the map. A [`Frame`](super::Frame) that is drawn next lights anew only what shows them.
+    ///
+    /// # Panics
+    /// When a rectangle reaches outside the map.
+    pub fn write_map(&mut self, regions: &[Region]) {
+        self.pyramid.write(regions);
+        let rects: Vec<Rect> = regions.iter().map(Region::rect).collect();
+        self.remember(&gathered(&rects));
+    }
+
+    fn remember(&mut self, changes: &[Rect]) {
+        self.revision += changes.len() as u64;
+        self.changes.extend_from_slice(changes);
+        let over = self.changes.len().saturating_sub(CHANGES_MAX);
+        self.changes.drain(..over);
     }
 
     /// Takes another map. Every [`Frame`](super::Frame) is lit anew.
