@@ -2,13 +2,14 @@
 
 use super::cover::{Cover, Shape, TILE};
 use super::laid::{Copies, Ground};
-use super::painting::hull;
 use super::skin::Skin;
 use super::solid;
 use super::trail::{Node, Piece, Trail, Vector};
 use crate::map::Rect;
 use glam::{IVec2, Vec2, Vec3};
+use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::LazyLock;
 
 /// A tile by column and row.
 pub(super) type Place = (u32, u32);
@@ -100,94 +101,194 @@ impl Lay<Vec3> for Skin {
 pub(super) struct Course<V: Vector> {
     trail: Trail<V>,
     shape: Shape,
+    /// Whether the direction of a piece matters, and not its coverage alone.
+    follows: bool,
     /// By the pieces that will not change any more.
     settled: HashMap<Place, Cover>,
-    /// The pieces after those, of a stroke that ends here.
-    tail: Vec<Piece<V>>,
-    /// Which of them reach a tile.
-    tail_in: HashMap<Place, Vec<(u32, Rect, Period)>>,
+    /// And by the pieces after those, of a stroke that ends here: the tiles that they reach.
+    shown: HashMap<Place, Cover>,
+    /// Room for tiles, kept from point to point.
+    spare: Vec<Cover>,
 }
 
-impl<V: Vector> Course<V> {
-    pub(super) fn new(trail: Trail<V>, shape: Shape) -> Self {
+/// A piece in a part of a tile, moved by whole periods.
+type Part = (u32, Rect, Period);
+
+/// What a point changes in a tile.
+struct Change {
+    place: Place,
+    settled: Option<Cover>,
+    shown: Option<Cover>,
+    /// The pieces that are final now, and those after them.
+    done: Vec<Part>,
+    tail: Vec<Part>,
+    /// Room for a tile.
+    room: Option<Cover>,
+    dirty: Option<Rect>,
+}
+
+impl<V: Vector + Send + Sync> Course<V> {
+    pub(super) fn new(trail: Trail<V>, shape: Shape, follows: bool) -> Self {
         Self {
             trail,
             shape,
+            follows,
             settled: HashMap::new(),
-            tail: Vec::new(),
-            tail_in: HashMap::new(),
+            shown: HashMap::new(),
+            spare: Vec::new(),
         }
     }
 
-    /// Goes on to a node, or gives the last its pressure where it is at the same place.
-    pub(super) fn go_on(&mut self, node: Node<V>, stays: bool, on: &impl Lay<V>) -> Dirty {
-        let mut dirty = Dirty::default();
-        self.mark_tail(&mut dirty);
+    /// Goes on to a node, or gives the last its pressure where it is at the same place. Gives the rectangles of the
+    /// map outside which nothing changes: parts of single tiles, or of a row of them.
+    pub(super) fn go_on(
+        &mut self,
+        node: Node<V>,
+        stays: bool,
+        on: &(impl Lay<V> + Sync),
+        map: Rect,
+    ) -> Vec<Rect>
+    where
+        V::Side: Send + Sync,
+    {
+        let (mut done, mut tail) = (Vec::new(), Vec::new());
         if stays {
             self.trail.press(node.radius, node.flow);
         } else {
-            let mut done = Vec::new();
             self.trail.push(node, |p| on.copies(p, |p| done.push(p)));
-            for piece in &done {
-                self.settle(piece, on, &mut dirty);
+        }
+        self.trail.tail(|p| on.copies(p, |p| tail.push(p)));
+        let mut changes = self.changes(&done, &tail, on);
+        let (shape, follows) = (self.shape, self.follows);
+        changes
+            .par_iter_mut()
+            .for_each(|change| change.make((&done, &tail), &shape, follows, on));
+        let mut dirty = Vec::new();
+        for change in changes {
+            dirty.extend(change.dirty);
+            let kept = change.settled.map(|c| (change.place, c));
+            self.settled.extend(kept);
+            self.shown.extend(change.shown.map(|c| (change.place, c)));
+            self.spare.extend(change.room);
+        }
+        in_rows(dirty)
+            .into_iter()
+            .filter_map(|r| r.intersection(map))
+            .collect()
+    }
+
+    /// The tiles that anything may change in.
+    fn changes(&mut self, done: &[Piece<V>], tail: &[Piece<V>], on: &impl Lay<V>) -> Vec<Change> {
+        let mut changes: HashMap<Place, Change> = HashMap::new();
+        let at = |place: Place| Change {
+            place,
+            settled: None,
+            shown: None,
+            done: Vec::new(),
+            tail: Vec::new(),
+            room: None,
+            dirty: None,
+        };
+        for (place, cover) in self.shown.drain() {
+            changes.entry(place).or_insert_with(|| at(place)).shown = Some(cover);
+        }
+        for (pieces, is_done) in [(done, true), (tail, false)] {
+            for (n, piece) in (0..).zip(pieces) {
+                on.parts(piece, &self.shape, |place, part, period| {
+                    let change = changes.entry(place).or_insert_with(|| at(place));
+                    let list = if is_done {
+                        &mut change.done
+                    } else {
+                        &mut change.tail
+                    };
+                    list.push((n, part, period));
+                });
             }
         }
-        self.renew_tail(on);
-        self.mark_tail(&mut dirty);
-        dirty
-    }
-
-    fn settle(&mut self, piece: &Piece<V>, on: &impl Lay<V>, dirty: &mut Dirty) {
-        let Self { shape, settled, .. } = self;
-        on.parts(piece, shape, |place, part, period| {
-            dirty.add(part);
-            let cover = settled
-                .entry(place)
-                .or_insert_with(|| Cover::new(origin(place)));
-            on.add(cover, piece, period, shape, (place, part));
-        });
-    }
-
-    fn renew_tail(&mut self, on: &impl Lay<V>) {
-        let Self { trail, tail, .. } = self;
-        tail.clear();
-        trail.tail(|p| on.copies(p, |p| tail.push(p)));
-        self.tail_in.clear();
-        for (n, piece) in (0..).zip(&self.tail) {
-            on.parts(piece, &self.shape, |place, part, period| {
-                let list = self.tail_in.entry(place).or_default();
-                list.push((n, part, period));
-            });
+        let mut changes: Vec<Change> = changes.into_values().collect();
+        for change in &mut changes {
+            change.settled = self.settled.remove(&change.place);
+            change.room = self.spare.pop();
         }
+        changes
     }
 
-    fn mark_tail(&self, dirty: &mut Dirty) {
-        let mut parts: Vec<Rect> = self
-            .tail_in
-            .values()
-            .flatten()
-            .map(|(_, r, _)| *r)
-            .collect();
-        parts.sort_unstable_by_key(|r| (r.y, r.x));
-        parts.into_iter().for_each(|r| dirty.add(r));
-    }
-
-    /// What the stroke so far covers in a part of a tile.
-    pub(super) fn cover(&self, place: Place, part: Rect, on: &impl Lay<V>, cover: &mut Cover) {
-        match self.settled.get(&place) {
-            Some(settled) => cover.copy_from(settled),
-            None => cover.clear(origin(place)),
-        }
-        for (n, rect, period) in self.tail_in.get(&place).into_iter().flatten() {
-            if rect.intersection(part).is_some() {
-                let piece = &self.tail[*n as usize];
-                on.add(cover, piece, *period, &self.shape, (place, part));
-            }
-        }
+    /// What the stroke so far covers in a tile, where it covers anything.
+    pub(super) fn cover(&self, place: Place) -> Option<&Cover> {
+        self.shown.get(&place).or_else(|| self.settled.get(&place))
     }
 }
 
-fn origin((x, y): Place) -> IVec2 {
+/// A tile of which nothing is covered.
+static BLANK: LazyLock<Cover> = LazyLock::new(|| Cover::new(IVec2::ZERO));
+
+impl Change {
+    fn make<V: Vector>(
+        &mut self,
+        (done, tail): (&[Piece<V>], &[Piece<V>]),
+        shape: &Shape,
+        follows: bool,
+        on: &impl Lay<V>,
+    ) {
+        let place = self.place;
+        let goes_over = !self.done.is_empty() && self.shown.is_none();
+        let before = self.settled.clone().filter(|_| goes_over);
+        let before = self.shown.take().or(before);
+        if !self.done.is_empty() {
+            let settled = self
+                .settled
+                .get_or_insert_with(|| Cover::new(origin(place)));
+            for (n, part, period) in &self.done {
+                on.add(settled, &done[*n as usize], *period, shape, (place, *part));
+            }
+        }
+        if !self.tail.is_empty() {
+            let room = self.room.take();
+            let mut shown = room.unwrap_or_else(|| Cover::new(origin(place)));
+            match &self.settled {
+                Some(settled) => shown.copy_from(settled),
+                None => shown.clear(origin(place)),
+            }
+            for (n, part, period) in &self.tail {
+                on.add(
+                    &mut shown,
+                    &tail[*n as usize],
+                    *period,
+                    shape,
+                    (place, *part),
+                );
+            }
+            self.shown = Some(shown);
+        }
+        let stood = self.settled.as_ref().filter(|_| self.done.is_empty());
+        let was = before.as_ref().or(stood).unwrap_or(&BLANK);
+        let now = self.shown.as_ref().or(self.settled.as_ref());
+        let dirty = now.unwrap_or(&BLANK).difference(was, follows);
+        self.dirty = dirty.map(|r| Rect {
+            x: r.x + place.0 * TILE,
+            y: r.y + place.1 * TILE,
+            ..r
+        });
+        self.room = before.or(self.room.take());
+    }
+}
+
+/// Rectangles of tiles beside one another in one.
+fn in_rows(mut parts: Vec<Rect>) -> Vec<Rect> {
+    parts.sort_unstable_by_key(|r| (r.y / TILE, r.x));
+    let mut rows: Vec<Rect> = Vec::new();
+    for part in parts {
+        match rows.last_mut() {
+            Some(last) if last.y / TILE == part.y / TILE && last.x + last.width >= part.x => {
+                *last = last.hull(part);
+            }
+            _ => rows.push(part),
+        }
+    }
+    rows
+}
+
+pub(super) fn origin((x, y): Place) -> IVec2 {
     IVec2::new((x * TILE) as i32, (y * TILE) as i32)
 }
 
@@ -205,22 +306,4 @@ pub(super) fn tiles_of(rect: Rect) -> impl Iterator<Item = (Place, Rect)> {
             };
             Some(((x, y), tile.intersection(rect)?))
         })
-}
-
-/// Rectangles that changed: few, and together not much larger than what did.
-#[derive(Default)]
-pub(super) struct Dirty(pub(super) Vec<Rect>);
-
-impl Dirty {
-    pub(super) fn add(&mut self, rect: Rect) {
-        let mut rect = rect;
-        // What it is joined with may in turn be joined with others.
-        while let Some(n) = self.0.iter().position(|other| {
-            let both = (rect.texels() + other.texels()) as f32;
-            self.0.len() > 32 || hull(rect, *other).texels() as f32 <= 1.3 * both
-        }) {
-            rect = hull(rect, self.0.swap_remove(n));
-        }
-        self.0.push(rect);
-    }
 }

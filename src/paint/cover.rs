@@ -131,6 +131,38 @@ impl Cover {
         self.spans.iter().all(|s| *s == NO_SPAN)
     }
 
+    /// Where another tile differs from this one in what strokes make of it: in coverage, or in the direction
+    /// of what is covered where it matters. `None` where they are alike; told in whole lanes, counted inside the tile.
+    pub(super) fn difference(&self, other: &Self, follows: bool) -> Option<Rect> {
+        let (mut left, mut right) = (SIDE, 0);
+        let (mut top, mut bottom) = (SIDE, 0);
+        for row in 0..SIDE {
+            let (a, b) = (self.spans[row], other.spans[row]);
+            let lanes = usize::from(a.0.min(b.0))..usize::from(a.1.max(b.1));
+            let differs = |n: &usize| {
+                let place = row * SIDE + n * LANES;
+                let of = |plane: fn(&Self) -> &[f32]| {
+                    (lane(plane(self), place), lane(plane(other), place))
+                };
+                let weight = of(|c| &c.weight);
+                weight.0 != weight.1
+                    || follows && leans_otherwise(weight.0, of(|c| &c.dx), of(|c| &c.dy))
+            };
+            let Some(first) = lanes.clone().find(differs) else {
+                continue;
+            };
+            let last = lanes.rev().find(differs).unwrap_or(first);
+            (left, right) = (left.min(first * LANES), right.max((last + 1) * LANES));
+            (top, bottom) = (top.min(row), row + 1);
+        }
+        (top < bottom).then(|| Rect {
+            x: left as u32,
+            y: top as u32,
+            width: (right - left) as u32,
+            height: (bottom - top) as u32,
+        })
+    }
+
     /// Adds a piece that is moved by `shift`, in the rows and columns of `rect`, which lies in the tile.
     pub(super) fn add(
         &mut self,
@@ -315,6 +347,14 @@ pub(super) fn lane_mut(plane: &mut [f32], place: usize) -> &mut Lane {
     (&mut plane[place..place + LANES])
         .try_into()
         .expect("a lane's length")
+}
+
+/// Whether any texel of a lane that is covered has another direction.
+fn leans_otherwise(weight: &Lane, dx: (&Lane, &Lane), dy: (&Lane, &Lane)) -> bool {
+    (0..LANES).fold(false, |any, i| {
+        let other = (dx.0[i] != dx.1[i]) | (dy.0[i] != dy.1[i]);
+        any | ((weight[i] > 0.0) & other)
+    })
 }
 
 /// [`LANES`] texels of a plane.

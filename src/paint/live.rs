@@ -1,10 +1,9 @@
 //! A stroke while it is being made: each point costs what it touches, and what is seen is what the finished stroke gives.
 
 use super::composite::{Planes, View, Work, apply};
-use super::course::{Course, Plane, tiles_of};
+use super::course::{Course, Plane, origin, tiles_of};
 use super::cover::Cover;
 use super::laid::{Copies, Ground};
-use super::painting::hull;
 use super::skin::Skin;
 use super::smooth::Kernel;
 use super::stroke::Added;
@@ -15,6 +14,7 @@ use crate::map::{Rect, Region};
 use crate::pattern::Surface;
 use glam::{IVec2, Vec2, Vec3};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// A stroke in the making.
@@ -43,6 +43,15 @@ enum Path {
     },
 }
 
+impl Path {
+    fn cover(&self, place: (u32, u32)) -> Option<&Cover> {
+        match self {
+            Self::Uv { course, .. } => course.cover(place),
+            Self::Mesh { course, .. } => course.cover(place),
+        }
+    }
+}
+
 impl Live {
     /// A stroke in UV without points yet.
     ///
@@ -55,7 +64,11 @@ impl Live {
             path: Path::Uv {
                 points: Vec::new(),
                 copies: Copies::new(&brush.symmetry, ground.grid.extent),
-                course: Course::new(Trail::new(&brush, seed), ground.shape(&brush)),
+                course: Course::new(
+                    Trail::new(&brush, seed),
+                    ground.shape(&brush),
+                    brush.tool.follows_stroke(),
+                ),
             },
             ground,
             brush,
@@ -75,7 +88,11 @@ impl Live {
             ground: skin.ground,
             path: Path::Mesh {
                 points: MeshPoints::new(skin.extent()),
-                course: Course::new(Trail::new(&scaled, seed), shape),
+                course: Course::new(
+                    Trail::new(&scaled, seed),
+                    shape,
+                    brush.tool.follows_stroke(),
+                ),
                 scaled,
                 skin,
             },
@@ -133,7 +150,7 @@ impl Live {
             ground: &self.ground,
             copies,
         };
-        course.go_on(node, added == Added::Pressure, &plane).0
+        course.go_on(node, added == Added::Pressure, &plane, whole)
     }
 
     /// The stroke goes on to a point of its mesh, with the surface's normal there. The rectangles in which something changes;
@@ -154,7 +171,7 @@ impl Live {
             return first_only(points.len(), added, whole);
         }
         let node = solid::node(scaled, points, points.len() - 1);
-        course.go_on(node, added == Added::Pressure, &**skin).0
+        course.go_on(node, added == Added::Pressure, &**skin, whole)
     }
 
     fn whole(&self) -> Rect {
@@ -170,7 +187,7 @@ impl Live {
     /// itself; past an edge where the map repeats, all there is.
     pub fn needs(&self, rect: Rect) -> Rect {
         match self.kernel() {
-            Some(kernel) => hull(rect, kernel.grown(rect)),
+            Some(kernel) => rect.hull(kernel.grown(rect)),
             None => rect,
         }
     }
@@ -202,33 +219,34 @@ impl Live {
             .kernel()
             .map(|kernel| kernel.mean(rect, &Planes::of(before)));
         let toward = mean.as_ref().map_or(Planes::of(below), |m| m.planes());
-        let work = Work::of(&self.brush.tool);
+        let work_of = Work::of(&self.brush.tool);
         let bands = View::of(now, below, coverage).bands(rect);
-        bands.into_par_iter().for_each_init(
-            || Cover::new(IVec2::ZERO),
-            |cover, (band, mut view)| {
-                for (place, part) in tiles_of(band) {
-                    self.cover(place, part, cover);
-                    if !cover.is_empty() {
-                        apply(work, cover, part, &mut view, toward);
+        let everywhere = self.everywhere();
+        let work = |(band, mut view): (Rect, View<'_>)| {
+            for (place, part) in tiles_of(band) {
+                let cover = match &everywhere {
+                    Some(all) => {
+                        let mut all = all.clone();
+                        all.origin = origin(place);
+                        Some(Cow::Owned(all))
                     }
+                    None => self.path.cover(place).map(Cow::Borrowed),
+                };
+                if let Some(cover) = cover {
+                    apply(work_of, &cover, part, &mut view, toward);
                 }
-            },
-        );
+            }
+        };
+        bands.into_par_iter().for_each(work);
     }
 
-    /// What the stroke so far covers in a part of a tile.
-    fn cover(&self, place: (u32, u32), part: Rect, cover: &mut Cover) {
-        match &self.path {
-            Path::Uv { copies, course, .. } => {
-                let ground = &self.ground;
-                course.cover(place, part, &Plane { ground, copies }, cover);
-            }
-            Path::Mesh { skin, course, .. } => course.cover(place, part, &**skin, cover),
-        }
-        if self.brush.tool.is_everywhere() && !self.is_empty() {
+    /// What a tool that works everywhere covers of any tile, once it has begun.
+    fn everywhere(&self) -> Option<Cover> {
+        (self.brush.tool.is_everywhere() && !self.is_empty()).then(|| {
+            let mut cover = Cover::new(IVec2::ZERO);
             cover.fill(self.brush.flow);
-        }
+            cover
+        })
     }
 
     /// The finished stroke; `None` when it paints nothing: there was no point, or only one of a tool that follows the stroke.

@@ -100,17 +100,6 @@ fn too_many_pieces(most: usize) -> Error {
     )
 }
 
-/// The rectangle that holds both.
-pub(super) fn hull(a: Rect, b: Rect) -> Rect {
-    let (x, y) = (a.x.min(b.x), a.y.min(b.y));
-    Rect {
-        x,
-        y,
-        width: (a.x + a.width).max(b.x + b.width) - x,
-        height: (a.y + a.height).max(b.y + b.height) - y,
-    }
-}
-
 impl Painting {
     /// A painting of all strokes of a layer. Strokes on the mesh need it, as the surface lies on it; without they paint nothing.
     ///
@@ -189,6 +178,33 @@ impl Painting {
         self.strokes[n].bounds
     }
 
+    /// Rectangles that hold all texels that the nth stroke may change, and less than its bounds do.
+    ///
+    /// # Panics
+    /// When there are not that many.
+    pub fn reached(&self, n: usize) -> Vec<Rect> {
+        let laid = &self.strokes[n];
+        let Some(bounds) = laid.bounds else {
+            return Vec::new();
+        };
+        let number = n as u32;
+        let has = |tile: &usize| {
+            let entries = &self.tiles[*tile];
+            let from = entries.partition_point(|e| e.stroke < number);
+            entries.get(from).is_some_and(|e| e.stroke == number)
+        };
+        let tiles = self.tiles_of(bounds).filter(has);
+        tiles.map(|tile| self.rect_of(tile)).collect()
+    }
+
+    /// Whether any of the first `n` strokes may change texels of a rectangle.
+    pub fn touches(&self, n: usize, rect: Rect) -> bool {
+        self.tiles_of(rect).any(|tile| {
+            let first = self.tiles[tile].first();
+            first.is_some_and(|e| (e.stroke as usize) < n)
+        })
+    }
+
     /// Adds a stroke at the end.
     pub fn push(&mut self, stroke: &Arc<Stroke>) {
         let laid = Laid::new(stroke, &self.ground, self.skin.as_deref());
@@ -246,7 +262,7 @@ impl Painting {
         } = self;
         for (n, piece) in laid.pieces.iter().enumerate() {
             ground.rects(piece, &laid.shape, |rect, period| {
-                laid.bounds = Some(laid.bounds.map_or(rect, |b| hull(b, rect)));
+                laid.bounds = Some(laid.bounds.map_or(rect, |b| b.hull(rect)));
                 let entry = Entry {
                     stroke: number,
                     first: n as u32,
@@ -262,7 +278,7 @@ impl Painting {
         for (n, piece) in laid.solid.iter().enumerate() {
             let skin = self.skin.as_deref().expect("solid pieces come of one");
             for (tile, rect) in solid::touched(piece, &laid.shape, skin) {
-                laid.bounds = Some(laid.bounds.map_or(rect, |b| hull(b, rect)));
+                laid.bounds = Some(laid.bounds.map_or(rect, |b| b.hull(rect)));
                 let entry = Entry {
                     stroke: number,
                     first: n as u32,
@@ -309,7 +325,7 @@ impl Painting {
             let Some(touched) = laid.bounds.and_then(|b| b.intersection(needed)) else {
                 continue;
             };
-            let before = hull(needed, self.kernel(laid).grown(touched));
+            let before = needed.hull(self.kernel(laid).grown(touched));
             found.push(Look {
                 stroke: n,
                 before,

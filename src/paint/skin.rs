@@ -199,7 +199,7 @@ impl Skin {
                         };
                         if let Some(part) = tile.intersection(rect) {
                             let all = found.entry(y * self.columns + x).or_insert(part);
-                            *all = super::painting::hull(*all, part);
+                            *all = all.hull(part);
                         }
                     }
                 }
