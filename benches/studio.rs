@@ -77,6 +77,7 @@ fn dabs(name: &str, texels: f32, points: usize) {
     }
     let mut studio = open(BASE);
     let (mut times, mut ends, mut undos, mut redos) = (vec![], vec![], vec![], vec![]);
+    let (mut maps, mut left) = (vec![], 0);
     let step = 0.25 * texels / 4096.0;
     for n in 0..points.div_ceil(25) {
         let (sin, cos) = (n as f32 * 0.7).sin_cos();
@@ -87,14 +88,17 @@ fn dabs(name: &str, texels: f32, points: usize) {
         for i in 0..25 {
             let at = middle + Vec2::new(cos, sin) * (step * i as f32);
             let point = Point::new(at, 0.5 + 0.02 * i as f32).expect("finite");
-            let (time, ()) = milliseconds(|| {
-                studio.stroke_to(point);
+            let (map, ()) = milliseconds(|| studio.stroke_to(point));
+            let (rest, waits) = milliseconds(|| {
                 studio.draw(false).expect("a picture");
-                studio.tick();
+                studio.is_behind()
             });
             if n > 0 {
-                times.push(time); // the first stroke prepares the layer
+                times.push(map + rest); // the first stroke prepares the layer
+                maps.push(map);
+                left += u32::from(waits);
             }
+            studio.settle();
         }
         ends.push(milliseconds(|| studio.end_stroke().expect("room")).0);
         if n % 4 == 1 {
@@ -103,6 +107,8 @@ fn dabs(name: &str, texels: f32, points: usize) {
         }
     }
     report(name, times);
+    report(&format!("{name}-map-alone"), maps);
+    println!("case={name}-not-all-at-once n={left}");
     report(&format!("{name}-end-stroke"), ends);
     report(&format!("{name}-undo"), undos);
     report(&format!("{name}-redo"), redos);

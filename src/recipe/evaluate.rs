@@ -31,6 +31,43 @@ const BAND_TEXELS: u32 = 32_768;
 /// Side of the squares that a map is made in where strokes look around themselves.
 const SQUARE: u32 = 2048;
 
+/// What layers lay in a rectangle; see [`Prepared::above`].
+pub struct Above {
+    rect: Rect,
+    /// `None` of strokes, which depend on what lies below them.
+    sheets: Vec<Option<Sheet>>,
+}
+
+impl Above {
+    /// Bytes that it holds, about.
+    pub fn bytes(&self) -> usize {
+        let of = |sheet: &Sheet| {
+            let numbers = 4 * sheet.texels.rect().texels();
+            let more = sheet.coverage.as_ref().map_or(0, Vec::len);
+            let weight = match &sheet.weight {
+                Weight::Even(_) => 0,
+                Weight::Each(weight) => weight.len(),
+            };
+            4 * (numbers + more + weight)
+        };
+        self.sheets.iter().flatten().map(of).sum::<usize>() + 64
+    }
+}
+
+/// What one layer lays in a rectangle.
+struct Sheet {
+    texels: Region,
+    /// `None` where all is covered.
+    coverage: Option<Vec<f32>>,
+    weight: Weight,
+}
+
+/// Coverage times mask times opacity.
+enum Weight {
+    Even(f32),
+    Each(Vec<f32>),
+}
+
 /// A recipe prepared for one size. Cloning copies references only.
 #[derive(Clone)]
 pub struct Prepared {
@@ -429,25 +466,62 @@ impl Prepared {
         self.layers.iter().any(|l| l.at > at && l.looks(map))
     }
 
-    /// Makes the composite of what lies below the layer `at`, which is in `region`, and what strokes made of that: the layer
-    /// itself with its opacity, mask and channels, the layers above it, and the recipe's adjustment. Where `at` does not show,
-    /// the others do. What is right afterwards is `rect`; both regions are of its [`Prepared::needs_over`].
+    /// What the layers above the layer `at` lay in a rectangle, made once for many [`Prepared::fill_over`].
     ///
     /// # Panics
-    /// When the regions are of different rectangles, or do not hold what `rect` needs.
-    pub fn fill_over(&self, at: usize, painted: &Region, rect: Rect, region: &mut Region) {
+    /// When the rectangle reaches outside the map.
+    pub fn above(&self, at: usize, rect: Rect) -> Above {
+        self.assert_inside(rect);
+        let mut scratch = Scratch::default();
+        let above = self.layers.iter().filter(|l| l.at > at);
+        Above {
+            rect,
+            sheets: above.map(|l| l.sheet(rect, &mut scratch)).collect(),
+        }
+    }
+
+    /// Bytes of [`Prepared::above`] a texel, at most.
+    pub fn bytes_above(&self, at: usize) -> usize {
+        let fills = |l: &&PreparedLayer| l.at > at && matches!(l.source, PreparedSource::Fill(_));
+        self.layers.iter().filter(fills).count() * 24
+    }
+
+    /// Makes the composite of what lies below the layer `at`, which is in `region`, and what strokes made of that: the layer
+    /// itself with its opacity, mask and channels, the layers above it, and the recipe's adjustment. Where `at` does not show,
+    /// the others do. What is right afterwards is `rect`; `region` is of its [`Prepared::needs_over`], and `painted` holds that.
+    /// `above` may be what the layers above lay there.
+    ///
+    /// # Panics
+    /// When the regions do not hold what `rect` needs.
+    pub fn fill_over(
+        &self,
+        at: usize,
+        painted: &Region,
+        rect: Rect,
+        region: &mut Region,
+        above: Option<&Above>,
+    ) {
         let needed = self.needs_over(at, rect);
+        let holds = |r: Rect| r.intersection(needed) == Some(needed);
         assert!(
-            painted.rect() == region.rect() && region.rect() == needed,
-            "{:?} and {:?} must be {needed:?}",
-            painted.rect(),
-            region.rect()
+            region.rect() == needed && holds(painted.rect()) && above.is_none_or(|a| holds(a.rect)),
+            "{:?} must be and {:?} hold {needed:?}",
+            region.rect(),
+            painted.rect()
         );
         let mut scratch = Scratch::default();
+        let mut sheets = above.map(|a| a.sheets.iter());
         for (i, layer) in self.layers.iter().enumerate() {
-            if layer.at == at {
+            if layer.at == at && layer.is_plain() {
+                region.copy_from(painted);
+            } else if layer.at == at {
                 layer.lay(painted, &mut region.view_mut(), &mut scratch);
             } else if layer.at > at {
+                let sheet = sheets.as_mut().and_then(|s| s.next()?.as_ref());
+                if let Some(sheet) = sheet {
+                    layer.lay_sheet(sheet, &mut region.view_mut(), &mut scratch);
+                    continue;
+                }
                 let above = self.layers[i + 1..].iter().rev();
                 let part = above.fold(rect, |rect, layer| layer.needs(rect));
                 layer.go_over(part, region, &mut scratch);
@@ -680,6 +754,11 @@ impl PreparedLayer {
         self.blend_tile(region, tile, scratch);
     }
 
+    /// Whether the layer shows its source as it is.
+    fn is_plain(&self) -> bool {
+        self.opacity == 1.0 && self.mask.is_none() && self.channels == Channels::ALL
+    }
+
     /// Whether a stroke of the layer looks around itself in a rectangle.
     fn looks(&self, rect: Rect) -> bool {
         match &self.source {
@@ -699,6 +778,77 @@ impl PreparedLayer {
         let painted = painted_over(painting, rect, &under);
         copy(&under, region);
         self.lay(&painted, region, scratch);
+    }
+
+    /// What the layer lays in a rectangle, if that does not depend on what lies below.
+    fn sheet(&self, rect: Rect, scratch: &mut Scratch) -> Option<Sheet> {
+        let PreparedSource::Fill(source) = &self.source else {
+            return None;
+        };
+        scratch.resize(rect.texels());
+        if let Some(mask) = &self.mask {
+            mask.fill(rect, scratch);
+        }
+        let hidden = self.mask.is_some() && scratch.weight.iter().all(|w| *w == 0.0);
+        if hidden {
+            let nothing = Rect { height: 0, ..rect };
+            return Some(Sheet {
+                texels: Region::constant(nothing, DEFAULT_TEXEL),
+                coverage: None,
+                weight: Weight::Even(0.0),
+            });
+        }
+        source.fill(&mut scratch.patch(rect));
+        self.weigh(scratch);
+        let mut texels = Region::constant(rect, DEFAULT_TEXEL);
+        let planes = [
+            &mut texels.alpha_x,
+            &mut texels.alpha_y,
+            &mut texels.cos2,
+            &mut texels.sin2,
+        ];
+        for (to, from) in planes.into_iter().zip(&scratch.layer) {
+            to.copy_from_slice(from);
+        }
+        let first = scratch.weight[0];
+        let even = scratch.weight.iter().all(|w| *w == first);
+        let whole = scratch.coverage.iter().all(|c| *c == 1.0);
+        Some(Sheet {
+            texels,
+            coverage: (!whole).then(|| scratch.coverage.clone()),
+            weight: if even {
+                Weight::Even(first)
+            } else {
+                Weight::Each(scratch.weight.clone())
+            },
+        })
+    }
+
+    /// Blends what was made of the layer over a region, which it holds.
+    fn lay_sheet(&self, sheet: &Sheet, region: &mut RegionMut<'_>, scratch: &mut Scratch) {
+        if matches!(sheet.weight, Weight::Even(0.0)) {
+            return;
+        }
+        let (rect, all) = (region.rect, sheet.texels.rect());
+        let n = rect.width as usize;
+        if let Weight::Even(weight) = sheet.weight {
+            scratch.weight.clear();
+            scratch.weight.resize(n, weight);
+        }
+        let t = &sheet.texels;
+        for y in rect.y..rect.y + rect.height {
+            let (to, from) = (rect.index(rect.x, y), all.index(rect.x, y));
+            let from = from..from + n;
+            let row = Row {
+                planes: [&t.alpha_x, &t.alpha_y, &t.cos2, &t.sin2].map(|p| &p[from.clone()]),
+                coverage: sheet.coverage.as_ref().map(|c| &c[from.clone()]),
+                weight: match &sheet.weight {
+                    Weight::Even(_) => &scratch.weight,
+                    Weight::Each(weight) => &weight[from],
+                },
+            };
+            self.blend_row(region, to, &row);
+        }
     }
 
     /// Blends what strokes made of a region, or of more than that, over it.
@@ -737,8 +887,8 @@ impl PreparedLayer {
         }
     }
 
-    /// Blends what the scratch holds of the layer over a tile of the region below.
-    fn blend_tile(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch) {
+    /// Makes coverage times mask times opacity of the mask's weights in the scratch.
+    fn weigh(&self, scratch: &mut Scratch) {
         match &self.mask {
             Some(_) => {
                 for (w, c) in scratch.weight.iter_mut().zip(&scratch.coverage) {
@@ -751,66 +901,68 @@ impl PreparedLayer {
                 }
             }
         }
+    }
+
+    /// Blends what the scratch holds of the layer over a tile of the region below.
+    fn blend_tile(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch) {
+        self.weigh(scratch);
         let n = tile.width as usize;
         for (j, y) in (tile.y..tile.y + tile.height).enumerate() {
-            let (to, from) = (region.rect.index(tile.x, y), j * n);
-            self.blend_row(region, to, scratch, from, n);
+            let (to, from) = (region.rect.index(tile.x, y), j * n..(j + 1) * n);
+            let row = Row {
+                planes: scratch.layer.each_ref().map(|p| &p[from.clone()]),
+                coverage: Some(&scratch.coverage[from.clone()]),
+                weight: &scratch.weight[from],
+            };
+            self.blend_row(region, to, &row);
         }
     }
 
-    fn blend_row(
-        &self,
-        region: &mut RegionMut<'_>,
-        to: usize,
-        scratch: &Scratch,
-        from: usize,
-        n: usize,
-    ) {
-        let weight = &scratch.weight[from..from + n];
-        let [ax, ay, c, s] = [0, 1, 2, 3].map(|i: usize| &scratch.layer[i][from..from + n]);
-        let alpha_x = &mut region.alpha_x[to..to + n];
-        let alpha_y = &mut region.alpha_y[to..to + n];
-        let coverage = &scratch.coverage[from..from + n];
-        if self.channels == Channels::ALL && coverage.iter().any(|c| *c > 0.0 && *c < 1.0) {
-            return blend_partly(region, to, scratch, from, n);
-        }
-        if self.channels == Channels::ALL {
-            let below = [
-                alpha_x,
-                alpha_y,
-                &mut region.cos2[to..to + n],
-                &mut region.sin2[to..to + n],
-            ];
-            dispatch!(math::level(), simd => blend_rows(simd, below, [ax, ay, c, s], weight));
-            return;
-        }
-        if self.channels.alpha_x {
-            mix(alpha_x, ax, weight);
-        }
-        if self.channels.alpha_y {
-            mix(alpha_y, ay, weight);
-        }
-        if self.channels.direction {
-            let cos2 = &mut region.cos2[to..to + n];
-            let sin2 = &mut region.sin2[to..to + n];
-            mix(cos2, c, weight);
-            mix(sin2, s, weight);
-            settle_all(alpha_x, alpha_y, cos2, sin2, weight);
+    fn blend_row(&self, region: &mut RegionMut<'_>, to: usize, row: &Row<'_>) {
+        let partly = match row.coverage {
+            Some(coverage) if self.channels == Channels::ALL => {
+                blend_partly(region, to, row, coverage)
+            }
+            _ => Vec::new(),
+        };
+        let n = row.weight.len();
+        let planes = [
+            &mut region.alpha_x[to..to + n],
+            &mut region.alpha_y[to..to + n],
+            &mut region.cos2[to..to + n],
+            &mut region.sin2[to..to + n],
+        ];
+        dispatch!(math::level(), simd => blend_whole(simd, self.channels, row, planes));
+        for (i, texel) in partly {
+            region.set(to + i, texel);
         }
     }
 }
 
-/// A row of which some texels are covered in part: opacity and mask blend the layer with what lies below, and the blend covers
+/// A row of a layer.
+struct Row<'a> {
+    planes: [&'a [f32]; 4],
+    /// `None` where all is covered.
+    coverage: Option<&'a [f32]>,
+    /// Coverage times mask times opacity.
+    weight: &'a [f32],
+}
+
+/// The texels of a row that are covered in part: opacity and mask blend the layer with what lies below, and the blend covers
 /// its part of the texel.
-fn blend_partly(region: &mut RegionMut<'_>, to: usize, scratch: &Scratch, from: usize, n: usize) {
-    for i in 0..n {
-        let (coverage, weight) = (scratch.coverage[from + i], scratch.weight[from + i]);
-        if coverage <= 0.0 || weight <= 0.0 {
+fn blend_partly(
+    region: &RegionMut<'_>,
+    to: usize,
+    row: &Row<'_>,
+    coverage: &[f32],
+) -> Vec<(usize, Texel)> {
+    let mut found = Vec::new();
+    for (i, (&coverage, &weight)) in coverage.iter().zip(row.weight).enumerate() {
+        if coverage <= 0.0 || coverage >= 1.0 || weight <= 0.0 {
             continue;
         }
         let below = region.texel(to + i);
-        let [alpha_x, alpha_y, cos2, sin2] =
-            [0, 1, 2, 3].map(|k: usize| scratch.layer[k][from + i]);
+        let [alpha_x, alpha_y, cos2, sin2] = row.planes.map(|p| p[i]);
         let layer = Texel {
             alpha_x,
             alpha_y,
@@ -822,67 +974,60 @@ fn blend_partly(region: &mut RegionMut<'_>, to: usize, scratch: &Scratch, from: 
         } else {
             blend(below, layer, share)
         };
-        region.set(
-            to + i,
-            if coverage >= 1.0 {
-                over
-            } else {
-                cover(below, over, coverage)
-            },
-        );
+        found.push((i, cover(below, over, coverage)));
     }
+    found
 }
 
-/// A row that the layer covers whole: opacity and mask blend it over what lies below; exact at weights 0 and 1.
+/// A row of which every texel is blended by its weight, as [`blend`] does it; exact at weights 0 and 1. With some channels only,
+/// each is blended alone and it ends as [`crate::map::settle`] ends; where the weight is 0 or 1 nothing was blended, and the axis
+/// is left as it came.
 #[simd]
-fn blend_rows<S: Simd>(_: S, below: [&mut [f32]; 4], layer: [&[f32]; 4], weight: &[f32]) {
-    let n = weight.len();
-    let [ax, ay, c, s] = below.map(|plane| &mut plane[..n]);
-    let layer = layer.map(|plane| &plane[..n]);
+fn blend_whole<S: Simd>(_: S, channels: Channels, row: &Row<'_>, planes: [&mut [f32]; 4]) {
+    let n = row.weight.len();
+    let weight = row.weight;
+    let [ax, ay, c, s] = planes.map(|p| &mut p[..n]);
+    let [ox, oy, oc, os] = row.planes.map(|p| &p[..n]);
+    if channels == Channels::ALL {
+        for i in 0..n {
+            let w = weight[i];
+            let (old, new) = ([ax[i], ay[i], c[i], s[i]], [ox[i], oy[i], oc[i], os[i]]);
+            let blended = blend_numbers(old, new, w);
+            let chosen = |k: usize| {
+                let x = if w > 0.0 { blended[k] } else { old[k] };
+                if w >= 1.0 { new[k] } else { x }
+            };
+            (ax[i], ay[i], c[i], s[i]) = (chosen(0), chosen(1), chosen(2), chosen(3));
+        }
+        return;
+    }
+    let mix = |p: f32, o: f32, w: f32| p * (1.0 - w) + o * w;
+    if channels.alpha_x {
+        for i in 0..n {
+            ax[i] = mix(ax[i], ox[i], weight[i]);
+        }
+    }
+    if channels.alpha_y {
+        for i in 0..n {
+            ay[i] = mix(ay[i], oy[i], weight[i]);
+        }
+    }
+    if !channels.direction {
+        return;
+    }
     for i in 0..n {
         let w = weight[i];
-        let (old, new) = ([ax[i], ay[i], c[i], s[i]], layer.map(|plane| plane[i]));
-        let blended = blend_numbers(old, new, w);
-        let chosen = |k: usize| {
-            let x = if w > 0.0 { blended[k] } else { old[k] };
-            if w >= 1.0 { new[k] } else { x }
-        };
-        (ax[i], ay[i], c[i], s[i]) = (chosen(0), chosen(1), chosen(2), chosen(3));
-    }
-}
-
-/// Blends `over` into `plane`; exact at weights 0 and 1.
-fn mix(plane: &mut [f32], over: &[f32], weight: &[f32]) {
-    for ((p, o), w) in plane.iter_mut().zip(over).zip(weight) {
-        *p = *p * (1.0 - w) + o * w;
-    }
-}
-
-/// Ends a blend of whole rows as [`crate::map::settle`] ends that of a texel. Where the weight is 0 or 1 nothing was
-/// blended, and the axis is left as it came.
-fn settle_all(
-    alpha_x: &mut [f32],
-    alpha_y: &mut [f32],
-    cos2: &mut [f32],
-    sin2: &mut [f32],
-    weight: &[f32],
-) {
-    let alphas = alpha_x.iter_mut().zip(alpha_y);
-    let axes = cos2.iter_mut().zip(sin2);
-    for (((ax, ay), (c, s)), w) in alphas.zip(axes).zip(weight) {
-        let length = (*c * *c + *s * *s).sqrt();
-        let blended = *w > 0.0 && *w < 1.0;
-        let lost = blended && length < AXIS_MIN_LENGTH;
-        let scale = if blended {
-            1.0 / length.max(AXIS_MIN_LENGTH)
-        } else {
-            1.0
-        };
-        let round = (*ax * *ay).sqrt();
-        *ax = if lost { round } else { *ax };
-        *ay = if lost { round } else { *ay };
-        *c = if lost { 1.0 } else { *c * scale };
-        *s = if lost { 0.0 } else { *s * scale };
+        let (x, y) = (mix(c[i], oc[i], w), mix(s[i], os[i], w));
+        let length = (x * x + y * y).sqrt();
+        let blended = (w > 0.0) & (w < 1.0);
+        let lost = blended & (length < AXIS_MIN_LENGTH);
+        let scale = 1.0 / length.max(AXIS_MIN_LENGTH);
+        let scale = if blended { scale } else { 1.0 };
+        let round = (ax[i] * ay[i]).sqrt();
+        ax[i] = if lost { round } else { ax[i] };
+        ay[i] = if lost { round } else { ay[i] };
+        c[i] = if lost { 1.0 } else { x * scale };
+        s[i] = if lost { 0.0 } else { y * scale };
     }
 }
 

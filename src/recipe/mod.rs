@@ -17,7 +17,7 @@ mod stamp;
 mod stored;
 mod update;
 
-pub use evaluate::Prepared;
+pub use evaluate::{Above, Prepared};
 pub(crate) use file::BYTES_MAX;
 pub use file::{RecipeFile, read_toml};
 pub(crate) use files::Way;

@@ -6,13 +6,13 @@
 //! `generate` makes the same texels of it.
 
 use crate::error::Result;
-use crate::map::{DEFAULT_TEXEL, Rect, Region};
+use crate::map::{DEFAULT_TEXEL, Rect, Region, Size};
 use crate::paint::{Brush, Live, Painting, Skin, Stroke, Strokes};
 use crate::pattern::Surface;
 use crate::progress::Progress;
 use crate::recipe;
 use rayon::prelude::*;
-use std::collections::{HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -25,8 +25,11 @@ pub(super) struct Canvas {
     active: Option<Active>,
 }
 
+/// Bytes that may be kept of what the layers above lay.
+const ABOVE_BYTES: usize = 192 << 20;
+
 /// Texels of a layer of strokes, and how much of each the strokes have touched.
-#[derive(PartialEq)]
+#[derive(Clone, PartialEq)]
 struct Tile {
     now: Region,
     coverage: Vec<f32>,
@@ -34,6 +37,9 @@ struct Tile {
 
 /// Tiles by number. `None` is a tile that no stroke touched: it is as below.
 type Tiles = HashMap<u32, Option<Arc<Tile>>>;
+
+/// Parts of tiles, in the order of the tiles' numbers.
+pub(super) type Parts = BTreeMap<u32, Rect>;
 
 struct Active {
     /// The layer's number in the recipe.
@@ -44,14 +50,75 @@ struct Active {
     painting: Painting,
     /// What lies below the layer.
     below: HashMap<u32, Arc<Region>>,
+    /// What the layers above lay, as far as memory allows.
+    above: HashMap<u32, recipe::Above>,
+    above_bytes: usize,
+    /// Whether strokes above look around themselves: then a tile does not stand for itself.
+    looks_over: bool,
     /// After all strokes.
     tiles: Tiles,
-    /// The tiles that each of the last strokes changed, as they were before it.
-    before: VecDeque<Tiles>,
-    before_bytes: usize,
-    budget: usize,
+    kept: Kept,
     /// The stroke in flight, and the tiles that it changed as they are with it.
     live: Option<(Live, HashMap<u32, Tile>)>,
+}
+
+/// Tiles as they were before and after strokes, as far as memory allows.
+#[derive(Default)]
+struct Kept {
+    /// The tiles that each of the last strokes changed, as they were before it.
+    before: VecDeque<Tiles>,
+    /// The strokes that were taken back, the next to be done again last, and the tiles that each changed as they were after it.
+    after: VecDeque<(Arc<Stroke>, Tiles)>,
+    bytes: usize,
+    budget: usize,
+}
+
+impl Kept {
+    fn push_before(&mut self, tiles: Tiles) {
+        self.bytes += bytes_of(&tiles);
+        self.before.push_back(tiles);
+        self.forget();
+    }
+
+    fn push_after(&mut self, stroke: Arc<Stroke>, tiles: Tiles) {
+        self.bytes += bytes_of(&tiles);
+        self.after.push_back((stroke, tiles));
+        self.forget();
+    }
+
+    fn pop_before(&mut self) -> Option<Tiles> {
+        let tiles = self.before.pop_back()?;
+        self.bytes -= bytes_of(&tiles);
+        Some(tiles)
+    }
+
+    /// The tiles after a stroke that is done again; after any other one nothing can be done again.
+    fn pop_after(&mut self, stroke: &Arc<Stroke>) -> Option<Tiles> {
+        if !matches!(self.after.back(), Some((last, _)) if Arc::ptr_eq(last, stroke)) {
+            self.clear_after();
+        }
+        let (_, tiles) = self.after.pop_back()?;
+        self.bytes -= bytes_of(&tiles);
+        Some(tiles)
+    }
+
+    fn clear_after(&mut self) {
+        let all = self.after.drain(..);
+        self.bytes -= all.map(|(_, tiles)| bytes_of(&tiles)).sum::<usize>();
+    }
+
+    /// What is farthest from now goes first.
+    fn forget(&mut self) {
+        while self.bytes > self.budget {
+            let oldest = if self.before.len() >= self.after.len() {
+                self.before.pop_front()
+            } else {
+                self.after.pop_front().map(|(_, tiles)| tiles)
+            };
+            let Some(tiles) = oldest else { return };
+            self.bytes -= bytes_of(&tiles);
+        }
+    }
 }
 
 impl Canvas {
@@ -90,10 +157,14 @@ impl Canvas {
             painting: Painting::new(&surface, strokes, skin.clone(), &Progress::none())?,
             skin,
             below: HashMap::new(),
+            above: HashMap::new(),
+            above_bytes: 0,
+            looks_over: self.stack.looks_over(at),
             tiles: HashMap::new(),
-            before: VecDeque::new(),
-            before_bytes: 0,
-            budget,
+            kept: Kept {
+                budget,
+                ..Kept::default()
+            },
             live: None,
         });
         Ok(())
@@ -107,28 +178,56 @@ impl Canvas {
     /// Bytes of the tiles.
     pub(super) fn bytes(&self) -> usize {
         self.active.as_ref().map_or(0, |a| {
-            bytes_of(&a.tiles) + a.below.len() * (SIDE * SIDE * 16) as usize + a.before_bytes
+            let below = a.below.len() * (SIDE * SIDE * 16) as usize;
+            bytes_of(&a.tiles) + below + a.above_bytes + a.kept.bytes
         })
     }
 
-    /// The composite of a rectangle as it is now, with the stroke in flight.
-    pub(super) fn compose(&mut self, rect: Rect) -> Region {
-        let Some(active) = &mut self.active else {
-            let mut whole = Region::constant(rect, DEFAULT_TEXEL);
-            self.stack.fill(whole.view_mut());
-            return whole;
-        };
-        let needed = self.stack.needs_over(active.at, rect);
-        active.ensure(&self.stack, needed, active.painting.len());
-        let (painted, _) = active.shown(needed);
-        let mut whole = Region::constant(needed, DEFAULT_TEXEL);
-        active.read_below(&mut whole);
-        self.stack.fill_over(active.at, &painted, rect, &mut whole);
-        if needed == rect {
-            whole
-        } else {
-            crop(&whole, rect)
+    /// Whether strokes above the layer that is painted on look around themselves: what changes is then more than what was painted.
+    pub(super) fn looks_over(&self) -> bool {
+        self.active.as_ref().is_some_and(|a| a.looks_over)
+    }
+
+    /// The tiles that rectangles meet, each with the part of it that they do.
+    pub(super) fn parts(&self, rects: &[Rect]) -> Parts {
+        let mut parts = Parts::new();
+        for rect in rects {
+            for number in numbers(self.columns(), *rect) {
+                let tile = tile_of(number, self.stack.size());
+                let Some(part) = tile.intersection(*rect) else {
+                    continue;
+                };
+                let whole = parts.entry(number).or_insert(part);
+                *whole = whole.hull(part);
+            }
         }
+        parts
+    }
+
+    fn columns(&self) -> u32 {
+        self.stack.size().width().div_ceil(SIDE)
+    }
+
+    /// The composite of parts of tiles as it is now, with the stroke in flight.
+    pub(super) fn compose(&mut self, parts: &[(u32, Rect)]) -> Vec<Region> {
+        let Self { stack, active } = self;
+        let Some(active) = active else {
+            let rects = parts.par_iter().map(|(_, rect)| *rect);
+            return rects.map(|rect| stack.region(rect)).collect();
+        };
+        if active.looks_over {
+            let parts = parts.iter().map(|(_, rect)| *rect);
+            return parts
+                .map(|rect| active.compose_around(stack, rect))
+                .collect();
+        }
+        let all: Vec<u32> = parts.iter().map(|(number, _)| *number).collect();
+        active.ensure_tiles(stack, &all, active.painting.len());
+        active.ensure_above(stack, &all);
+        let parts = parts.par_iter();
+        parts
+            .map(|(number, part)| active.compose(stack, *number, *part))
+            .collect()
     }
 
     /// How much of each texel of a rectangle the layer's strokes have touched, in row order; `None` when none is painted on.
@@ -138,46 +237,66 @@ impl Canvas {
         Some(active.shown(rect).1)
     }
 
-    /// A stroke more on the layer that is painted on: gives the rectangle outside which nothing changed.
-    pub(super) fn push(&mut self, stroke: &Arc<Stroke>) -> Option<Rect> {
-        let active = self.active.as_mut()?;
+    /// A stroke more on the layer that is painted on: gives the rectangles outside which nothing changed.
+    pub(super) fn push(&mut self, stroke: &Arc<Stroke>) -> Vec<Rect> {
+        let Some(active) = &mut self.active else {
+            return Vec::new();
+        };
         active.live = None;
         active.painting.push(stroke);
         let n = active.painting.len() - 1;
-        let Some(bounds) = active.painting.bounds(n) else {
-            active.keep(Tiles::new());
-            return None;
-        };
+        if let Some(after) = active.kept.pop_after(stroke) {
+            let rects = active.rects_of(&after);
+            active.take_over(after);
+            return rects;
+        }
+        let rects = active.painting.reached(n);
+        let mut numbers: Vec<u32> = rects.iter().flat_map(|r| active.numbers(*r)).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
         // The tiles as they were before it.
-        let reach = active.painting.needs_for(n..n + 1, bounds);
-        active.ensure(&self.stack, reach, n);
-        let tiles: Tiles = numbers(active, bounds)
+        active.ensure_tiles(&self.stack, &numbers, n);
+        for number in &numbers {
+            let reach = active.painting.needs_for(n..n + 1, active.rect_of(*number));
+            active.ensure(&self.stack, reach, n);
+        }
+        let tiles: Tiles = numbers
             .into_par_iter()
             .map(|number| (number, active.with_one_more(number, n)))
             .collect();
         active.take_over(tiles);
-        Some(bounds)
+        rects
     }
 
     /// A stroke less.
-    pub(super) fn pop(&mut self) -> Option<Rect> {
-        let active = self.active.as_mut()?;
-        let n = active.painting.len().checked_sub(1)?;
-        let bounds = active.painting.bounds(n);
-        active.painting.pop();
-        match active.before.pop_back() {
-            Some(before) => {
-                active.before_bytes -= bytes_of(&before);
-                active.tiles.extend(before);
-            }
+    pub(super) fn pop(&mut self) -> Vec<Rect> {
+        let Some(active) = &mut self.active else {
+            return Vec::new();
+        };
+        let Some(n) = active.painting.len().checked_sub(1) else {
+            return Vec::new();
+        };
+        let reached = active.painting.reached(n);
+        let Some(stroke) = active.painting.pop() else {
+            return Vec::new();
+        };
+        let Some(before) = active.kept.pop_before() else {
             // Forgotten: they are painted again when somebody looks.
-            None => {
-                for number in bounds.map_or_else(Vec::new, |b| numbers(active, b)) {
-                    active.tiles.remove(&number);
-                }
+            let numbers: Vec<u32> = reached.iter().flat_map(|r| active.numbers(*r)).collect();
+            for number in numbers {
+                active.tiles.remove(&number);
             }
-        }
-        bounds
+            active.kept.clear_after();
+            return reached;
+        };
+        let rects = active.rects_of(&before);
+        let swap = before.into_iter().map(|(number, tile)| {
+            let now = active.tiles.insert(number, tile);
+            (number, now.expect("a tile that a stroke changed"))
+        });
+        let after = swap.collect();
+        active.kept.push_after(stroke, after);
+        rects
     }
 
     /// The mesh that is painted on.
@@ -217,25 +336,32 @@ impl Canvas {
 
     /// Lets the stroke in flight go on; gives the rectangles outside which nothing changed.
     pub(super) fn go_on(&mut self, push: impl FnOnce(&mut Live) -> Vec<Rect>) -> Vec<Rect> {
-        let Some(active) = &mut self.active else {
-            return Vec::new();
-        };
-        let Some((mut live, mut tiles)) = active.live.take() else {
+        let live = self.active.as_mut().and_then(|a| a.live.take());
+        let Some((mut live, mut tiles)) = live else {
             return Vec::new();
         };
         let dirty = push(&mut live);
-        for rect in &dirty {
-            active.ensure(&self.stack, live.needs(*rect), active.painting.len());
-            let old: Vec<_> = numbers(active, *rect)
-                .into_iter()
-                .map(|number| (number, tiles.remove(&number)))
-                .collect();
-            let new: Vec<_> = old
-                .into_par_iter()
-                .map(|(number, tile)| (number, active.in_flight(number, *rect, &live, tile)))
-                .collect();
-            tiles.extend(new);
+        let parts: Vec<_> = self.parts(&dirty).into_iter().collect();
+        let Some(active) = &mut self.active else {
+            return Vec::new();
+        };
+        let numbers: Vec<u32> = parts.iter().map(|(number, _)| *number).collect();
+        active.ensure_tiles(&self.stack, &numbers, active.painting.len());
+        for (_, part) in &parts {
+            let needs = live.needs(*part);
+            if needs != *part {
+                active.ensure(&self.stack, needs, active.painting.len());
+            }
         }
+        let old: Vec<_> = parts
+            .into_iter()
+            .map(|(number, part)| (number, part, tiles.remove(&number)))
+            .collect();
+        let new: Vec<_> = old
+            .into_par_iter()
+            .map(|(number, part, tile)| (number, active.in_flight(number, part, &live, tile)))
+            .collect();
+        tiles.extend(new);
         active.live = Some((live, tiles));
         dirty
     }
@@ -250,6 +376,7 @@ impl Canvas {
         }
         let stroke = Arc::new(stroke?);
         active.painting.push(&stroke);
+        active.kept.clear_after();
         let tiles = tiles.into_iter();
         active.take_over(tiles.map(|(n, t)| (n, Some(Arc::new(t)))).collect());
         Some(stroke)
@@ -265,13 +392,24 @@ impl Canvas {
     }
 }
 
-/// The numbers of the tiles that a rectangle meets.
-fn numbers(active: &Active, rect: Rect) -> Vec<u32> {
-    let columns = active.columns();
+/// The numbers of the tiles that a rectangle meets, where so many lie side by side.
+fn numbers(columns: u32, rect: Rect) -> Vec<u32> {
     let across = rect.x / SIDE..(rect.x + rect.width).div_ceil(SIDE);
     let down = rect.y / SIDE..(rect.y + rect.height).div_ceil(SIDE);
     down.flat_map(|y| across.clone().map(move |x| y * columns + x))
         .collect()
+}
+
+/// Where a tile of a map lies.
+fn tile_of(number: u32, map: Size) -> Rect {
+    let columns = map.width().div_ceil(SIDE);
+    let tile = Rect {
+        x: number % columns * SIDE,
+        y: number / columns * SIDE,
+        width: SIDE,
+        height: SIDE,
+    };
+    tile.intersection(map.rect()).expect("a tile of the map")
 }
 
 fn bytes_of(tiles: &Tiles) -> usize {
@@ -280,35 +418,37 @@ fn bytes_of(tiles: &Tiles) -> usize {
 }
 
 impl Active {
-    fn columns(&self) -> u32 {
-        self.surface.size.width().div_ceil(SIDE)
+    fn numbers(&self, rect: Rect) -> Vec<u32> {
+        numbers(self.surface.size.width().div_ceil(SIDE), rect)
     }
 
     fn rect_of(&self, number: u32) -> Rect {
-        let (x, y) = (
-            number % self.columns() * SIDE,
-            number / self.columns() * SIDE,
-        );
-        let tile = Rect {
-            x,
-            y,
-            width: SIDE,
-            height: SIDE,
-        };
-        let map = self.surface.size.rect();
-        tile.intersection(map).expect("a tile of the map")
+        tile_of(number, self.surface.size)
+    }
+
+    fn rects_of(&self, tiles: &Tiles) -> Vec<Rect> {
+        tiles.keys().map(|number| self.rect_of(*number)).collect()
     }
 
     /// Makes the tiles of a rectangle that are not there, as the first `n` strokes leave them.
     fn ensure(&mut self, stack: &recipe::Prepared, rect: Rect, n: usize) {
-        let missing: Vec<u32> = numbers(self, rect)
-            .into_iter()
+        self.ensure_tiles(stack, &self.numbers(rect), n);
+    }
+
+    /// Makes those of some tiles that are not there.
+    fn ensure_tiles(&mut self, stack: &recipe::Prepared, numbers: &[u32], n: usize) {
+        self.ensure_below(stack, numbers);
+        let missing: Vec<u32> = numbers
+            .iter()
+            .copied()
             .filter(|number| !self.tiles.contains_key(number))
             .collect();
-        self.ensure_below(stack, rect);
         for number in &missing {
-            let reach = self.painting.needs_for(0..n, self.rect_of(*number));
-            self.ensure_below(stack, reach);
+            let rect = self.rect_of(*number);
+            let reach = self.painting.needs_for(0..n, rect);
+            if reach != rect {
+                self.ensure_below(stack, &self.numbers(reach));
+            }
         }
         let made: Vec<_> = missing
             .into_par_iter()
@@ -317,22 +457,72 @@ impl Active {
         self.tiles.extend(made);
     }
 
-    fn ensure_below(&mut self, stack: &recipe::Prepared, rect: Rect) {
-        let made: Vec<_> = numbers(self, rect)
-            .into_par_iter()
+    fn ensure_below(&mut self, stack: &recipe::Prepared, numbers: &[u32]) {
+        let made: Vec<_> = numbers
+            .par_iter()
             .filter(|number| !self.below.contains_key(number))
             .map(|number| {
-                let mut region = Region::constant(self.rect_of(number), DEFAULT_TEXEL);
+                let mut region = Region::constant(self.rect_of(*number), DEFAULT_TEXEL);
                 stack.fill_below(self.at, region.view_mut());
-                (number, Arc::new(region))
+                (*number, Arc::new(region))
             })
             .collect();
         self.below.extend(made);
     }
 
+    /// Keeps what the layers above lay in some tiles, where memory allows it.
+    fn ensure_above(&mut self, stack: &recipe::Prepared, numbers: &[u32]) {
+        let each = stack.bytes_above(self.at) * (SIDE * SIDE) as usize;
+        let missing = |a: &Self, number: &u32| !a.above.contains_key(number);
+        let more = numbers.iter().filter(|n| missing(self, n)).count() * each;
+        if each == 0 || more == 0 {
+            return;
+        }
+        if self.above_bytes + more > ABOVE_BYTES {
+            let wanted: HashSet<u32> = numbers.iter().copied().collect();
+            self.above.retain(|number, _| wanted.contains(number));
+            self.above_bytes = self.above.values().map(recipe::Above::bytes).sum();
+        }
+        let room = ABOVE_BYTES.saturating_sub(self.above_bytes) / each;
+        let wanted: Vec<u32> = numbers
+            .iter()
+            .copied()
+            .filter(|n| missing(self, n))
+            .collect();
+        let made: Vec<_> = wanted
+            .into_par_iter()
+            .take(room)
+            .map(|number| (number, stack.above(self.at, self.rect_of(number))))
+            .collect();
+        self.above_bytes += made.iter().map(|(_, above)| above.bytes()).sum::<usize>();
+        self.above.extend(made);
+    }
+
+    /// The composite of a part of a tile that is there.
+    fn compose(&self, stack: &recipe::Prepared, number: u32, part: Rect) -> Region {
+        let below = &self.below[&number];
+        let flying = self.live.as_ref().and_then(|(_, tiles)| tiles.get(&number));
+        let tile = flying.or(self.tiles[&number].as_deref());
+        let painted = tile.map_or(&**below, |tile| &tile.now);
+        let mut whole = below.crop(part);
+        stack.fill_over(self.at, painted, part, &mut whole, self.above.get(&number));
+        whole
+    }
+
+    /// The composite of a rectangle where strokes above look around themselves.
+    fn compose_around(&mut self, stack: &recipe::Prepared, rect: Rect) -> Region {
+        let needed = stack.needs_over(self.at, rect);
+        self.ensure(stack, needed, self.painting.len());
+        let (painted, _) = self.shown(needed);
+        let mut whole = Region::constant(needed, DEFAULT_TEXEL);
+        self.read_below(&mut whole);
+        stack.fill_over(self.at, &painted, rect, &mut whole, None);
+        whole.crop(rect)
+    }
+
     /// Copies what lies below, which is there.
     fn read_below(&self, to: &mut Region) {
-        for number in numbers(self, to.rect()) {
+        for number in self.numbers(to.rect()) {
             to.copy_from(&self.below[&number]);
         }
     }
@@ -341,7 +531,7 @@ impl Active {
     fn read(&self, rect: Rect) -> (Region, Vec<f32>) {
         let mut now = Region::constant(rect, DEFAULT_TEXEL);
         let mut coverage = vec![0.0; rect.texels()];
-        for number in numbers(self, rect) {
+        for number in self.numbers(rect) {
             match &self.tiles[&number] {
                 Some(tile) => {
                     now.copy_from(&tile.now);
@@ -357,7 +547,7 @@ impl Active {
     fn shown(&self, rect: Rect) -> (Region, Vec<f32>) {
         let (mut now, mut coverage) = self.read(rect);
         if let Some((_, tiles)) = &self.live {
-            for tile in numbers(self, rect).iter().filter_map(|n| tiles.get(n)) {
+            for tile in self.numbers(rect).iter().filter_map(|n| tiles.get(n)) {
                 now.copy_from(&tile.now);
                 copy_plane((rect, &mut coverage), (tile.now.rect(), &tile.coverage));
             }
@@ -365,20 +555,28 @@ impl Active {
         (now, coverage)
     }
 
-    /// A tile, as the stroke in flight left it if it has been there, with what it changes in `rect`.
-    fn in_flight(&self, number: u32, rect: Rect, live: &Live, tile: Option<Tile>) -> Tile {
+    /// A tile, as the stroke in flight left it if it has been there, with what it changes in `part`.
+    fn in_flight(&self, number: u32, part: Rect, live: &Live, tile: Option<Tile>) -> Tile {
         let whole = self.rect_of(number);
-        let mut tile = tile.unwrap_or_else(|| {
-            let (now, coverage) = self.read(whole);
-            Tile { now, coverage }
+        let below = &*self.below[&number];
+        let stood = self.tiles[&number].as_deref();
+        let mut tile = tile.or_else(|| stood.cloned()).unwrap_or_else(|| Tile {
+            now: below.clone(),
+            coverage: vec![0.0; whole.texels()],
         });
-        if let Some(part) = whole.intersection(rect) {
-            let (before, covered) = self.read(live.needs(part));
-            let mut below = Region::constant(part, DEFAULT_TEXEL);
-            self.read_below(&mut below);
-            let mut now = below.clone();
-            let mut coverage = crop_plane((before.rect(), covered), part);
-            live.apply(&before, &below, &mut now, &mut coverage);
+        let needs = live.needs(part);
+        let around = (needs != part).then(|| self.read(needs).0);
+        let before = around.as_ref().or(stood.map(|t| &t.now)).unwrap_or(below);
+        let mut coverage = match stood {
+            Some(stood) => crop_plane((whole, &stood.coverage), part),
+            None => vec![0.0; part.texels()],
+        };
+        if part == whole {
+            live.apply(before, below, &mut tile.now, &mut coverage);
+            tile.coverage = coverage;
+        } else {
+            let mut now = before.crop(part);
+            live.apply(before, below, &mut now, &mut coverage);
             tile.now.copy_from(&now);
             copy_plane((whole, &mut tile.coverage), (part, &coverage));
         }
@@ -388,6 +586,9 @@ impl Active {
     /// A tile after the first `n` strokes, with what lies below it there.
     fn tile_from_nothing(&self, number: u32, n: usize) -> Option<Arc<Tile>> {
         let rect = self.rect_of(number);
+        if !self.painting.touches(n, rect) {
+            return None;
+        }
         let mut below = Region::constant(self.painting.needs_for(0..n, rect), DEFAULT_TEXEL);
         self.read_below(&mut below);
         let coverage = vec![0.0; below.rect().texels()];
@@ -414,11 +615,11 @@ impl Active {
             .paint(strokes, rect, below, &mut now, &mut coverage);
         let untouched = now == *below && coverage.iter().all(|c| *c == 0.0);
         (!untouched).then(|| {
-            let coverage = crop_plane((now.rect(), coverage), rect);
+            let coverage = crop_plane((now.rect(), &coverage), rect);
             let now = if now.rect() == rect {
                 now
             } else {
-                crop(&now, rect)
+                now.crop(rect)
             };
             Arc::new(Tile { now, coverage })
         })
@@ -438,25 +639,8 @@ impl Active {
                 None => {}
             }
         }
-        self.keep(before);
+        self.kept.push_before(before);
     }
-
-    fn keep(&mut self, before: Tiles) {
-        self.before_bytes += bytes_of(&before);
-        self.before.push_back(before);
-        while self.before_bytes > self.budget
-            && let Some(oldest) = self.before.pop_front()
-        {
-            self.before_bytes -= bytes_of(&oldest);
-        }
-    }
-}
-
-/// A rectangle of a region that holds it.
-fn crop(region: &Region, rect: Rect) -> Region {
-    let mut part = Region::constant(rect, DEFAULT_TEXEL);
-    part.copy_from(region);
-    part
 }
 
 /// Copies numbers in row order from one rectangle into another, where they overlap.
@@ -471,11 +655,13 @@ fn copy_plane((to, numbers): (Rect, &mut [f32]), (from, source): (Rect, &[f32]))
     }
 }
 
-fn crop_plane((from, source): (Rect, Vec<f32>), rect: Rect) -> Vec<f32> {
-    if from == rect {
-        return source;
+/// A rectangle of numbers that are in the row order of a larger one.
+fn crop_plane((from, source): (Rect, &[f32]), rect: Rect) -> Vec<f32> {
+    let n = rect.width as usize;
+    let mut part = Vec::with_capacity(rect.texels());
+    for y in rect.y..rect.y + rect.height {
+        let start = from.index(rect.x, y);
+        part.extend_from_slice(&source[start..start + n]);
     }
-    let mut part = vec![0.0; rect.texels()];
-    copy_plane((rect, &mut part), (from, &source));
     part
 }

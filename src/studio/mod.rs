@@ -52,13 +52,18 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// The mesh of a recipe that names none.
 pub const DEFAULT_MESH: &str = "torus";
 
 /// Pixels between the points of a stroke over the 3D picture.
 const PIXELS_A_POINT: f32 = 4.0;
+
+/// How long the interface may be kept waiting while the map catches up with the canvas.
+const CATCH_UP: Duration = Duration::from_millis(20);
+/// Tiles of the map that are brought up to date at once.
+const TILES_AT_ONCE: usize = 64;
 
 /// What a studio needs from its surroundings.
 #[derive(Clone, Debug)]
@@ -110,6 +115,8 @@ pub struct Studio {
     solo: Option<usize>,
     /// The layer that is painted on and whose properties are shown.
     selected: usize,
+    /// Where the canvas is ahead of the map that is shown.
+    behind: canvas::Parts,
     dirty: Vec<Rect>,
     new_map: bool,
     trouble: Vec<Error>,
@@ -183,6 +190,7 @@ impl Studio {
             shown: Shown::default(),
             solo: None,
             selected: document.recipe().layers.len().saturating_sub(1),
+            behind: canvas::Parts::new(),
             dirty: Vec::new(),
             new_map: false,
             trouble: Vec::new(),
@@ -511,6 +519,7 @@ impl Studio {
 
     /// Takes over what the background has finished. To be called once a frame; costs nothing when there is nothing.
     pub fn tick(&mut self) -> Tick {
+        self.catch_up(Some(CATCH_UP));
         // What is made meanwhile would take the stroke in flight away: it waits until the pen is lifted.
         let job = self.job.as_ref().filter(|_| !self.canvas.is_drawing());
         let finished = job.map(|job| match job.result.try_recv() {
@@ -561,6 +570,7 @@ impl Studio {
                     revision: Some(job.revision),
                     mesh: Some(job.mesh.clone()),
                 };
+                self.behind.clear();
                 self.dirty.clear();
                 self.new_map = true;
             }
@@ -573,10 +583,16 @@ impl Studio {
         }
     }
 
+    /// Whether a part of the map is not yet as the canvas has it: [`Studio::tick`] goes on with it.
+    pub fn is_behind(&self) -> bool {
+        !self.behind.is_empty()
+    }
+
     /// Waits until nothing is worked on in the background, the refining of the picture left out.
     pub fn settle(&mut self) -> Tick {
         let mut all = Tick::default();
         loop {
+            self.catch_up(None);
             let tick = self.tick();
             all.map.extend(tick.map);
             all.new_map |= tick.new_map;
@@ -720,15 +736,16 @@ impl Studio {
         match self.apply_all(edits) {
             Ok((back, _)) => {
                 self.history.push(Step::new(label, back, None));
-                if self.job.is_none() && self.shown.revision.is_some() {
+                if self.canvas.looks_over() {
+                    self.work();
+                } else if self.job.is_none() && self.shown.revision.is_some() {
                     self.shown.revision = Some(self.document.revision());
                 }
                 Ok(true)
             }
             Err(error) => {
-                if let Some(rect) = self.canvas.pop() {
-                    self.repaint(vec![rect]);
-                }
+                let rects = self.canvas.pop();
+                self.repaint(rects);
                 Err(error)
             }
         }
@@ -826,24 +843,46 @@ impl Studio {
         }
         let (now, shown) = (strokes.strokes.len(), self.canvas.strokes());
         let last = strokes.strokes.last().cloned();
-        let rect = match last {
+        let rects = match last {
             _ if now + 1 == shown => self.canvas.pop(),
             Some(last) if now == shown + 1 => self.canvas.push(&last),
             _ => {
                 self.shown.revision = None;
-                None
+                return;
             }
         };
-        self.repaint(rect.into_iter().collect());
+        self.repaint(rects);
+        // What strokes above see of it reaches farther.
+        if self.canvas.looks_over() {
+            self.shown.revision = None;
+        }
     }
 
-    /// Brings rectangles of the composite map up to date with the canvas.
+    /// Brings rectangles of the composite map up to date with the canvas: at once as far as that takes no time to speak of, the
+    /// rest from [`Studio::tick`] to tick.
     fn repaint(&mut self, dirty: Vec<Rect>) {
-        for rect in dirty {
-            let region = self.canvas.compose(rect);
-            self.subject_mut()
-                .change_map(rect, |map| map.write_region(&region));
-            self.dirty.push(rect);
+        for (number, part) in self.canvas.parts(&dirty) {
+            let whole = self.behind.entry(number).or_insert(part);
+            *whole = whole.hull(part);
+        }
+        self.catch_up(Some(CATCH_UP));
+    }
+
+    /// Brings the map up to date with the canvas, as far as the time allows, and a little in any case.
+    fn catch_up(&mut self, time: Option<Duration>) {
+        let begun = Instant::now();
+        while !self.behind.is_empty() {
+            let first = self.behind.keys().nth(TILES_AT_ONCE).copied();
+            let later = first.map(|n| self.behind.split_off(&n)).unwrap_or_default();
+            let parts: Vec<_> = std::mem::replace(&mut self.behind, later)
+                .into_iter()
+                .collect();
+            let regions = self.canvas.compose(&parts);
+            self.subject_mut().write_map(&regions);
+            self.dirty.extend(parts.iter().map(|(_, rect)| *rect));
+            if time.is_some_and(|time| begun.elapsed() >= time) {
+                break;
+            }
         }
     }
 
