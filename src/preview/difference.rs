@@ -20,6 +20,14 @@ pub enum Measure {
 }
 
 impl Measure {
+    /// The false colour, linear RGB, of a value over the scale: -1 to 1 where it is signed, else 0 to 1; clipped.
+    pub fn colour(self, t: f32) -> [f32; 3] {
+        match self {
+            Self::Signed => ramp(&DIVERGING, 0.5 + 0.5 * t),
+            Self::Absolute | Self::DeltaE => ramp(&RISING, t),
+        }
+    }
+
     fn label(self) -> &'static str {
         match self {
             Self::Signed => "second \u{2212} first, luminance",
@@ -109,10 +117,7 @@ impl Difference {
 
     /// False colour of a value over the scale, -1 to 1.
     fn colour(&self, t: f32) -> [f32; 3] {
-        match self.measure {
-            Measure::Signed => ramp(&DIVERGING, 0.5 + 0.5 * t),
-            Measure::Absolute | Measure::DeltaE => ramp(&RISING, t),
-        }
+        self.measure.colour(t)
     }
 
     /// A bar of all colours with numbers under it, and beside it what they are.
