@@ -316,7 +316,8 @@ fn read(path: &Path, hold: Hold) -> Result<Option<LeftBehind>> {
     }
     let mut lines = Lines(BufReader::new(&file));
     let first = lines.next()?;
-    if first.as_deref().is_none_or(str::is_empty) {
+    let may_be_begun = about.len() <= FORMAT.len() as u64;
+    if may_be_begun && first.as_deref().is_none_or(str::is_empty) {
         return nothing_in_it(path); // killed while it was begun
     }
     if first.as_deref() != Some(FORMAT) {
@@ -481,7 +482,11 @@ mod tests {
         assert_eq!(left.edits, edits()[..2]);
         assert!(left.damage.unwrap().contains("3 more cannot be read"));
         drop(left.held);
-        for broken in ["something else\n", "anisomap journal 1\nx y\nz\n"] {
+        for broken in [
+            "something else\n",
+            "something else, and long, without an end",
+            "anisomap journal 1\nx y\nz\n",
+        ] {
             fs::write(&path, broken).unwrap();
             let (found, errors) = left_behind(folder.path());
             assert!(found.is_empty() && errors.len() == 1, "{broken:?}");
