@@ -1,19 +1,40 @@
-//! What the first start shows: the brushed pot of the presets with strokes over it, made as a user would make them.
+//! What the first start shows: the pot of the presets in copper, with a braid and turned spots brushed into its wall, made as a
+//! user would make them.
 
 use crate::error::Result;
 use crate::paint::{Brush, Groove, Point, Stroke, Strokes, Tool};
-use crate::recipe::{Layer, RecipeFile, Source, preset};
+use crate::recipe::{Layer, Material, Recipe, RecipeFile, Source, preset};
 use glam::Vec2;
-use std::f32::consts::TAU;
+use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// Where the front of the pot's wall is in its layout, and half of what is painted there, UV units.
-const FRONT: Vec2 = Vec2::new(0.5, 0.856);
-const HALF: Vec2 = Vec2::new(0.19, 0.085);
-/// Ribbons over each other.
-const RIBBONS: u32 = 4;
-/// Points of a ribbon.
-const POINTS: u32 = 64;
+/// How high the middle of the outer wall lies in the pot's layout, UV.
+const WALL: f32 = 0.856;
+/// Waves of the braid around the pot, and how high they go, UV.
+const WAVES: u32 = 10;
+const AMPLITUDE: f32 = 0.03;
+/// Half of what a crossing takes of a wave: the strand that goes over is drawn again so far.
+const CROSSING: f32 = 0.13;
+/// Turned spots in a row around the pot, how far their rows are from the braid's middle, and the rings of each, UV.
+const SPOTS: u32 = 28;
+const ROW: f32 = 0.077;
+const RINGS: [f32; 4] = [0.002, 0.007, 0.012, 0.017];
+
+/// Copper, warm and a little worn.
+const COPPER: Material = Material {
+    diffuse: [0.085, 0.040, 0.024],
+    specular: [0.50, 0.30, 0.20],
+    ambient: [0.06, 0.03, 0.02],
+};
+/// Toward the lamps: around the front, so that some of every groove's directions gleam, and one from behind.
+const LAMPS: [[f32; 3]; 6] = [
+    [-0.5, 0.45, 0.8],
+    [0.75, 0.3, 0.6],
+    [0.1, 0.9, 0.3],
+    [-1.0, 0.2, 0.1],
+    [0.3, 0.6, -0.7],
+    [0.15, 0.1, 1.0],
+];
 
 /// The scene of the first start, as a document without a file.
 ///
@@ -23,37 +44,82 @@ pub fn welcome() -> Result<RecipeFile> {
     let mut recipe = preset("pot")?.recipe()?.recipe().clone();
     recipe.name = "welcome".to_owned();
     recipe.description =
-        "A brushed pot with painted ribbons: paint over it, or begin anew".to_owned();
-    let mut strokes = Strokes::default();
-    for n in 0..RIBBONS {
-        strokes.strokes.push(Arc::new(ribbon(n)?));
-    }
-    recipe.layers.push(Layer {
-        name: "ribbons".to_owned(),
-        ..Layer::new(Source::Strokes(strokes))
-    });
+        "A copper pot with painted strokes: paint over it, or begin anew".to_owned();
+    recipe.material = COPPER;
+    recipe.scene.lights = LAMPS.to_vec();
+    recipe.scene.exposure = -0.3;
+    let spots = layer("spots", spots(&recipe)?);
+    let braid = layer("braid", braid()?);
+    recipe.layers.extend([spots, braid]);
     RecipeFile::new(recipe, "welcome.toml")
 }
 
-/// A wave around the front of the pot.
-fn ribbon(n: u32) -> Result<Stroke> {
-    let brush = Brush {
-        tool: Tool::Groove(Groove {
-            along: 0.06,
-            across: 0.5,
-        }),
-        radius: 0.016,
-        hardness: 0.7,
-        ..Brush::default()
+fn layer(name: &str, strokes: Vec<Arc<Stroke>>) -> Layer {
+    let mut source = Strokes::default();
+    source.strokes = strokes;
+    Layer {
+        name: name.to_owned(),
+        ..Layer::new(Source::Strokes(source))
+    }
+}
+
+/// Two strands around the wall, over and under each other.
+fn braid() -> Result<Vec<Arc<Stroke>>> {
+    let brush = grooves(0.42, 0.0125);
+    let strand = |phase: f32, u: f32| {
+        let height = (TAU * WAVES as f32 * u + phase).sin();
+        Vec2::new(u, WALL + AMPLITUDE * height)
     };
-    let height = (n as f32 + 0.5) / RIBBONS as f32 * 2.0 - 1.0;
-    let points = (0..=POINTS).filter_map(|i| {
-        let t = i as f32 / POINTS as f32;
-        let wave = (TAU * (1.5 * t + 0.08 * n as f32)).sin();
-        let at = Vec2::new(2.0 * t - 1.0, 0.8 * height + 0.25 * wave) * HALF + FRONT;
-        Point::new(at, 1.0)
-    });
-    Stroke::new(Arc::new(brush), n, points)
+    let mut strokes = Vec::new();
+    for phase in [0.0, PI] {
+        strokes.push(stroke(&brush, 1200, |t| strand(phase, t))?);
+    }
+    // The first lies below the second everywhere: once a wave it comes up.
+    let wave = 1.0 / WAVES as f32;
+    for n in 0..WAVES {
+        let from = (n as f32 - CROSSING) * wave;
+        strokes.push(stroke(&brush, 60, |t| {
+            strand(0.0, from + 2.0 * CROSSING * wave * t)
+        })?);
+    }
+    Ok(strokes)
+}
+
+/// Two rows of spots as a turning tool leaves them: rings in rings.
+fn spots(recipe: &Recipe) -> Result<Vec<Arc<Stroke>>> {
+    let brush = grooves(0.36, 0.0035);
+    let aspect = recipe.aspect_at(recipe.size);
+    let mut strokes = Vec::new();
+    for row in [WALL - ROW, WALL + ROW] {
+        for n in 0..SPOTS {
+            let centre = Vec2::new((n as f32 + 0.5) / SPOTS as f32, row);
+            for radius in RINGS {
+                strokes.push(stroke(&brush, 40, |t| {
+                    let (sin, cos) = (TAU * t).sin_cos();
+                    centre + Vec2::new(cos / aspect, sin) * radius
+                })?);
+            }
+        }
+    }
+    Ok(strokes)
+}
+
+fn grooves(across: f32, radius: f32) -> Arc<Brush> {
+    Arc::new(Brush {
+        tool: Tool::Groove(Groove {
+            along: 0.05,
+            across,
+        }),
+        radius,
+        hardness: 0.9,
+        ..Brush::default()
+    })
+}
+
+/// A stroke through points of a path that begins at 0 and ends at 1.
+fn stroke(brush: &Arc<Brush>, points: u32, path: impl Fn(f32) -> Vec2) -> Result<Arc<Stroke>> {
+    let on_path = (0..=points).filter_map(|i| Point::new(path(i as f32 / points as f32), 1.0));
+    Ok(Arc::new(Stroke::new(brush.clone(), 0, on_path)?))
 }
 
 #[cfg(test)]
