@@ -140,6 +140,8 @@ pub enum Mirror {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hand {
     kind: ToolKind,
+    /// The tool that was held before the picker, which it gives back.
+    before_pick: Option<ToolKind>,
     /// A brush for each of [`ToolKind::ALL`]: a tool that is taken up again is as it was laid down.
     brushes: Vec<Brush>,
     /// Copies by mirrors.
@@ -165,6 +167,7 @@ impl Default for Hand {
         };
         Self {
             kind: ToolKind::Groove,
+            before_pick: None,
             brushes: ToolKind::ALL.map(brush).to_vec(),
             mirror: Mirror::Off,
             copies: 0,
@@ -182,7 +185,19 @@ impl Hand {
 
     /// Takes another tool.
     pub fn take(&mut self, kind: ToolKind) {
+        if kind != ToolKind::Pick {
+            self.before_pick = None;
+        } else if self.kind != ToolKind::Pick {
+            self.before_pick = Some(self.kind);
+        }
         self.kind = kind;
+    }
+
+    /// Takes the tool again that was held before the picker, once that has picked.
+    pub fn end_pick(&mut self) {
+        if let Some(kind) = self.before_pick.take() {
+            self.kind = kind;
+        }
     }
 
     fn place(kind: ToolKind) -> usize {
