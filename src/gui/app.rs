@@ -1,25 +1,26 @@
 //! The window: its layout, its menus, and what actions do.
 
 use super::canvas::{CanvasPane, Kind};
-use super::desk::{Desk, Panes, Redraw};
+use super::desk::{Desk, Large, LargeThing, Panes, Redraw};
 use super::dialogs::{self, Dialog, NewDocument, Then, Wish};
 use super::export::ExportDialog;
 use super::files::{FileDialog, Purpose};
 use super::help::Help;
 use super::icons::Icon;
+use super::intake::{self, Intake, Part, Taken};
 use super::keys;
 use super::layers::{LayersPanel, menu_item};
+use super::machine::too_large;
+use super::messages::count;
 use super::presets::PresetBrowser;
 use super::properties::{Leaf, PropertiesPanel};
 use super::theme::{self, Palette};
 use super::viewport::{MESHES, ViewportPane, set_exposure, set_lights, set_mesh};
 use super::watch::Watch;
-use super::widgets::icon_button;
+use super::widgets::{icon_button, overlay_text};
 use super::{guides, status, tools};
 use anisomap::Error;
-use anisomap::export::write_atomic;
-use anisomap::mesh;
-use anisomap::preview::Rig;
+use anisomap::preview::{Rig, Scene};
 use anisomap::recipe::{self, Image, Layer, RecipeFile, Source};
 use anisomap::studio::action::{Action, Group};
 use anisomap::studio::hand::{Mirror, ToolKind};
@@ -31,7 +32,6 @@ use eframe::egui::{
     self, CentralPanel, Context, CornerRadius, Frame, Id, Margin, Panel, Rect, Sense, Ui,
     ViewportCommand, pos2, vec2,
 };
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The window.
@@ -39,12 +39,18 @@ pub(crate) struct App {
     pub(crate) desk: Desk,
     pub(crate) canvas: CanvasPane,
     viewport: ViewportPane,
-    layers: LayersPanel,
-    properties: PropertiesPanel,
+    pub(crate) layers: LayersPanel,
+    pub(crate) properties: PropertiesPanel,
     title: String,
     pub(crate) dialog: Option<Dialog>,
     dressed: bool,
     watch: Watch,
+    watch_keys: Watch,
+    /// A file that is being taken in, and those that come after it.
+    intake: Option<Intake>,
+    waiting: Vec<PathBuf>,
+    /// Camera and lights for a map that is being made anew from the same file.
+    keep_scene: Option<Scene>,
     /// Set once the work at hand is out of danger and the window may close.
     may_close: bool,
     /// What waits until the work was saved.
@@ -116,6 +122,14 @@ impl App {
             journals: folders.as_ref().map(|f| f.recovery.clone()),
             undo_bytes: settings.undo_bytes(),
         };
+        let mut large = None;
+        let (file, path) = if let Some(warning) = too_large(file.recipe().size) {
+            let what = LargeThing::Document(Box::new(file), path);
+            large = Some(Large { warning, what });
+            (welcome()?, None)
+        } else {
+            (file, path)
+        };
         let studio = Studio::new(file, path, options)?;
         let (keymap, trouble) = match folders.as_ref().map(Folders::keymap).filter(|p| p.exists()) {
             Some(path) => match Keymap::load(&path) {
@@ -125,6 +139,8 @@ impl App {
             None => (Keymap::default(), None),
         };
         let mut desk = Desk::new(studio, settings, keymap, folders);
+        desk.large = large;
+        tell_read_only(&mut desk);
         if let Some(error) = trouble {
             desk.messages.error(error);
         }
@@ -146,6 +162,10 @@ impl App {
             may_close: false,
             dressed: false,
             watch: Watch::default(),
+            watch_keys: Watch::default(),
+            intake: None,
+            waiting: Vec::new(),
+            keep_scene: None,
             after_saving: None,
         })
     }
@@ -160,6 +180,8 @@ impl App {
         self.dressed = true;
         self.watch
             .look_after(self.desk.studio.document().path(), ctx);
+        let keys = self.desk.folders.as_ref().map(Folders::keymap);
+        self.watch_keys.look_after(keys.as_deref(), ctx);
     }
 
     /// One frame of the window.
@@ -170,13 +192,23 @@ impl App {
         }
         let had_focus = ctx.memory(|m| m.focused().is_some());
         self.desk.tick(&ctx);
+        if self.desk.news.new_map
+            && let Some(scene) = self.keep_scene.take()
+        {
+            self.desk.studio.set_scene(scene);
+        }
+        if self.dialog.is_none() {
+            self.dialog = self.desk.large.take().map(Dialog::Large);
+        }
         if self.dialog.is_none() {
             for action in keys::pressed(&ctx, &self.desk.keymap) {
                 self.desk.ask(action);
             }
         }
         self.take_dropped(&ctx);
+        self.follow_intake(&ctx);
         self.follow_file();
+        self.follow_keys();
         self.menu_bar(ui);
         if self.desk.panels {
             self.panels(ui);
@@ -218,6 +250,7 @@ impl App {
             .show_separator_line(false)
             .show(ui, |ui| {
                 egui::MenuBar::new().ui(ui, |ui| {
+                    let mut recent = None;
                     for (name, group) in [
                         ("File", Group::File),
                         ("Edit", Group::Edit),
@@ -230,13 +263,21 @@ impl App {
                             ui.set_min_width(230.0);
                             for action in Action::ALL.iter().filter(|a| a.group() == group) {
                                 menu_item(ui, &mut self.desk, *action);
+                                if *action == Action::Open {
+                                    recent = recent.take().or(recent_menu(ui, &self.desk));
+                                }
                             }
                         });
+                    }
+                    if let Some(path) = recent {
+                        self.open_path(ui.ctx(), &path);
                     }
                     let palette = Palette::of(ui);
                     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                         let document = self.desk.studio.document();
-                        let mark = if document.is_changed() {
+                        let mark = if document.is_read_only() {
+                            " (only to look at)"
+                        } else if document.is_changed() {
                             " \u{2022}"
                         } else {
                             ""
@@ -374,8 +415,12 @@ impl App {
             return;
         }
         let keys = |a: Action| self.desk.keymap.keys_text(a);
+        let thing = match self.desk.studio.mesh().name.as_str() {
+            name if MESHES.contains(&name) => name,
+            _ => "mesh",
+        };
         let text = format!(
-            "Drag over the map or the pot to brush it. Turn the pot with {}, its light with Shift and the right button. {} lists all keys, {} has more surfaces.",
+            "Drag over the map or the {thing} to brush it: the light follows the grooves. Turn the {thing} with {}, its light with Shift and the right button. {} lists all keys, {} has more surfaces.",
             if self.desk.settings.navigation == orbit::Preset::Alt {
                 "Alt"
             } else {
@@ -610,6 +655,12 @@ impl App {
             Action::ShowBoth => desk.panes = Panes::Both,
             Action::ShowCanvas => desk.panes = Panes::Canvas,
             Action::ShowViewport => desk.panes = Panes::Viewport,
+            Action::FocusControls => {
+                desk.panels = true;
+                if let Some(id) = desk.first_control {
+                    ctx.memory_mut(|m| m.request_focus(id));
+                }
+            }
             Action::TogglePanels => desk.panels = !desk.panels,
             Action::ToggleHistory => self.properties.leaf = Leaf::History,
             Action::ToggleTheme => {
@@ -751,14 +802,22 @@ impl App {
             Wish::Recover(left) => {
                 let options = self.options();
                 let recovered = Studio::recover(*left, options);
-                if let Some((studio, count)) = self.desk.told(recovered) {
+                if let Some((studio, changes)) = self.desk.told(recovered) {
                     self.show_studio(studio);
-                    self.desk
-                        .messages
-                        .news(format!("{count} changes recovered; save them to keep them"));
+                    self.desk.messages.news(format!(
+                        "{} recovered; save to keep it",
+                        count(changes, "change")
+                    ));
                 }
             }
-            Wish::Begin(file) => self.begin(*file, None),
+            Wish::Begin(file) => self.begin(ctx, *file, None),
+            Wish::Large(LargeThing::Document(file, path)) => self.show_file(ctx, *file, path),
+            Wish::Large(LargeThing::Header(header)) => {
+                let done = self.desk.studio.set_header("Document", *header);
+                self.desk.told(done);
+                self.desk.studio.seal();
+            }
+            Wish::EditKeys => self.edit_keys(),
         }
     }
 
@@ -766,28 +825,42 @@ impl App {
         match purpose {
             Purpose::Open => self.open_path(ctx, path),
             Purpose::SaveAs | Purpose::SaveThen => self.save(ctx, path),
-            Purpose::Import => self.import(path),
-            Purpose::Mesh => self.load_mesh(path),
+            Purpose::Import => self.take_in(ctx, Part::Map, path),
+            Purpose::Mesh => self.take_in(ctx, Part::Mesh, path),
             Purpose::ExportFolder => {}
         }
     }
 
     /// A recipe takes the place of the document, a map becomes a layer, a mesh is shown.
     fn open_path(&mut self, ctx: &Context, path: &Path) {
-        let ending = path
+        let is_recipe = path
             .extension()
-            .map_or(String::new(), |e| e.to_string_lossy().to_lowercase());
-        match ending.as_str() {
-            "exr" => self.import(path),
-            "glb" | "gltf" | "obj" => self.load_mesh(path),
-            _ => self.leave_for(ctx, Then::Open(path.to_owned())),
+            .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        match intake::part_of(path) {
+            Some(part) => self.take_in(ctx, part, path),
+            None if is_recipe => self.leave_for(ctx, Then::Open(path.to_owned())),
+            None => self.desk.messages.error(intake::unknown(path)),
         }
     }
 
     fn take_dropped(&mut self, ctx: &Context) {
         let dropped = ctx.input(|i| i.raw.dropped_files.clone());
-        if let Some(path) = dropped.first().map(|f| f.path().to_owned()) {
+        self.waiting
+            .extend(dropped.iter().map(|f| f.path().to_owned()));
+        // One after the other: each may ask, or take its time.
+        if self.intake.is_none() && self.dialog.is_none() && !self.waiting.is_empty() {
+            let path = self.waiting.remove(0);
             self.open_path(ctx, &path);
+            ctx.request_repaint();
+        }
+        if ctx.input(|i| !i.raw.hovered_files.is_empty()) {
+            let painter = ctx.layer_painter(egui::LayerId::new(
+                egui::Order::Foreground,
+                Id::unique("drop"),
+            ));
+            let at = self.canvas.rect.center();
+            let text = "drop it: recipes open, maps become a layer, meshes show the map";
+            overlay_text(&painter, at, egui::Align2::CENTER_CENTER, text);
         }
     }
 
@@ -802,20 +875,16 @@ impl App {
             Then::Preset(preset) => {
                 let file = preset.recipe();
                 if let Some(file) = self.desk.told(file) {
-                    self.begin(file, None);
+                    self.begin(ctx, file, None);
                 }
             }
+            Then::TakeIn(part, path) => self.take_in(ctx, part, &path),
             Then::Open(path) => {
                 let file = RecipeFile::read(&path);
                 if let Some(file) = self.desk.told(file) {
-                    if file.is_read_only() {
-                        let ignored = file.ignored().join(", ");
-                        self.desk.messages.error(format!("{} is of a newer version and can only be looked at. Ignored: {ignored}", path.display()));
-                    }
                     self.desk.settings.remember(&path);
                     self.desk.save_settings();
-                    self.watch.look_after(Some(&path), ctx);
-                    self.begin(file, Some(path));
+                    self.begin(ctx, file, Some(path));
                 }
             }
         }
@@ -839,12 +908,84 @@ impl App {
             return;
         }
         let file = RecipeFile::read(&path);
-        if let Some(file) = self.desk.told(file) {
-            self.begin(file, Some(path));
+        let Some(file) = self.desk.told(file) else {
+            return;
+        };
+        // The same work a little later: it is seen as before.
+        let (selected, mesh) = (
+            self.desk.studio.selected(),
+            self.desk.studio.recipe().mesh.clone(),
+        );
+        let scene = self.desk.studio.scene().clone();
+        let looking = self.canvas.looking();
+        let options = self.options();
+        let studio = Studio::new(file, Some(path), options);
+        if let Some(studio) = self.desk.told(studio) {
+            let same_mesh = studio.recipe().mesh == mesh;
+            let same_light = studio.recipe().scene == self.desk.studio.recipe().scene;
+            self.show_studio(studio);
+            self.desk.studio.select(selected);
+            self.canvas.look_again(looking);
+            self.keep_scene = (same_mesh && same_light).then_some(scene);
             self.desk
                 .messages
                 .news("The file was changed by another program, and read again");
+            tell_read_only(&mut self.desk);
         }
+    }
+
+    /// Takes the keys that the user gave their file.
+    fn follow_keys(&mut self) {
+        if !self.watch_keys.changed() {
+            return;
+        }
+        let Some(path) = self.desk.folders.as_ref().map(Folders::keymap) else {
+            return;
+        };
+        let keymap = Keymap::load(&path);
+        if let Some(keymap) = self.desk.told(keymap)
+            && keymap != self.desk.keymap
+        {
+            self.desk.keymap = keymap;
+            self.desk.messages.news("The keys were read again");
+        }
+    }
+
+    /// Opens the file of keys with what the system opens it with; writes it first where it is not there.
+    fn edit_keys(&mut self) {
+        let Some(path) = self.desk.folders.as_ref().map(Folders::keymap) else {
+            return;
+        };
+        if !path.exists() {
+            let made = path.parent().map_or(Ok(()), |folder| {
+                std::fs::create_dir_all(folder).map_err(Error::write(folder))
+            });
+            let written = made.and_then(|()| self.desk.keymap.save(&path));
+            if self.desk.told(written).is_none() {
+                return;
+            }
+        }
+        let opener = if cfg!(target_os = "windows") {
+            "explorer"
+        } else if cfg!(target_os = "macos") {
+            "open"
+        } else {
+            "xdg-open"
+        };
+        let opened = self.desk.native_dialogs
+            && std::process::Command::new(opener)
+                .arg(&path)
+                .stderr(std::process::Stdio::null())
+                .spawn()
+                .is_ok();
+        self.desk.messages.news(if opened {
+            format!("Change {}: it is read when it is saved", path.display())
+        } else {
+            format!(
+                "Open {} with a text editor: it is read when it is saved",
+                path.display()
+            )
+        });
     }
 
     fn options(&self) -> Options {
@@ -854,10 +995,23 @@ impl App {
         }
     }
 
-    fn begin(&mut self, file: RecipeFile, path: Option<PathBuf>) {
+    /// Shows a recipe; asks first where its map takes more memory than there is.
+    fn begin(&mut self, ctx: &Context, file: RecipeFile, path: Option<PathBuf>) {
+        if let Some(warning) = too_large(file.recipe().size) {
+            let what = LargeThing::Document(Box::new(file), path);
+            self.desk.large = Some(Large { warning, what });
+            ctx.request_repaint();
+        } else {
+            self.show_file(ctx, file, path);
+        }
+    }
+
+    fn show_file(&mut self, ctx: &Context, file: RecipeFile, path: Option<PathBuf>) {
+        self.watch.look_after(path.as_deref(), ctx);
         let studio = Studio::new(file, path, self.options());
         if let Some(studio) = self.desk.told(studio) {
             self.show_studio(studio);
+            tell_read_only(&mut self.desk);
         }
     }
 
@@ -874,61 +1028,66 @@ impl App {
         self.desk.redraw = Redraw::Sharp;
     }
 
-    /// A map from a file as a layer. It is copied beside the recipe, which names files of its own folder alone.
-    fn import(&mut self, path: &Path) {
-        let imported = self.copied(path).map(|file| Layer {
-            name: path
-                .file_stem()
-                .map_or(String::new(), |s| s.to_string_lossy().into_owned()),
-            ..Layer::new(Source::Image(Image { file }))
-        });
-        if let Some(layer) = self.desk.told(imported) {
-            let added = self.desk.studio.add_layer(layer);
-            self.desk.told(added);
+    /// A mesh or a map from a file. It lies beside the recipe from then on: a recipe without a file is saved first.
+    fn take_in(&mut self, ctx: &Context, part: Part, path: &Path) {
+        if self.desk.studio.document().is_read_only() {
+            tell_read_only(&mut self.desk);
+            return;
         }
-    }
-
-    fn load_mesh(&mut self, path: &Path) {
-        let copied = mesh::load(path).and_then(|_| self.copied(path));
-        if let Some(file) = self.desk.told(copied) {
-            set_mesh(&mut self.desk, &file);
-        }
-    }
-
-    /// What the recipe calls a file; one outside its folder is copied there.
-    fn copied(&self, path: &Path) -> Result<String, Error> {
-        let document = self.desk.studio.document();
-        let Some(folder) = document.path().and_then(Path::parent) else {
-            return Err(Error::file(
-                path,
-                "a document that was never saved has no folder to name files in",
-            )
-            .with_hint("Save the document first"));
+        let folder = self.desk.studio.document().path().and_then(Path::parent);
+        let Some(folder) = folder.map(Path::to_owned) else {
+            self.desk.messages.news(
+                "A recipe's own files lie beside it: say where the recipe is to be, and the file comes in",
+            );
+            self.after_saving = Some(Then::TakeIn(part, path.to_owned()));
+            self.ask_where_to_save(Purpose::SaveThen);
+            return;
         };
         let folder = if folder.as_os_str().is_empty() {
-            Path::new(".")
+            PathBuf::from(".")
         } else {
             folder
         };
-        let name = path
-            .file_name()
-            .ok_or_else(|| Error::file(path, "it is no file"))?;
-        let real = path.canonicalize().map_err(Error::read(path))?;
-        let home = folder.canonicalize().map_err(Error::read(folder))?;
-        if let Ok(inside) = real.strip_prefix(&home) {
-            return Ok(inside.to_string_lossy().replace('\\', "/"));
+        let begun = Intake::begin(part, path, &folder, ctx);
+        self.intake = self.desk.told(begun);
+    }
+
+    /// Whether a file is on its way.
+    #[cfg(test)]
+    pub(crate) fn is_reading(&self) -> bool {
+        self.intake.is_some() || (!self.waiting.is_empty() && self.dialog.is_none())
+    }
+
+    /// Takes over the file that was read in the background.
+    fn follow_intake(&mut self, ctx: &Context) {
+        let Some(intake) = &self.intake else { return };
+        let Some(taken) = intake.now() else {
+            ctx.request_repaint_after(std::time::Duration::from_millis(80));
+            let name = intake.path.file_name().unwrap_or_default();
+            self.desk.reading = Some(format!("reading {}", name.to_string_lossy()));
+            return;
+        };
+        self.intake = None;
+        self.desk.reading = None;
+        let Some(Taken { part, file, news }) = self.desk.told(taken) else {
+            return;
+        };
+        if let Some(news) = news {
+            self.desk.messages.news(news);
         }
-        let beside = folder.join(name);
-        if beside.exists() {
-            return Err(Error::file(
-                &beside,
-                "a file of this name lies beside the recipe already",
-            )
-            .with_hint("Rename one of them"));
+        match part {
+            Part::Mesh => set_mesh(&mut self.desk, &file),
+            Part::Map => {
+                let name = Path::new(&file).file_stem().unwrap_or_default();
+                let layer = Layer {
+                    name: name.to_string_lossy().into_owned(),
+                    ..Layer::new(Source::Image(Image { file }))
+                };
+                let added = self.desk.studio.add_layer(layer);
+                self.desk.told(added);
+            }
         }
-        let bytes = std::fs::read(&real).map_err(Error::read(&real))?;
-        write_atomic(&beside, |out| out.write_all(&bytes))?;
-        Ok(name.to_string_lossy().into_owned())
+        ctx.request_repaint();
     }
 
     /// The next window is as large as this one.
@@ -955,6 +1114,45 @@ impl App {
             self.may_close = true;
         }
     }
+}
+
+/// Says of a recipe of a newer version that it can only be looked at, and what of it is not shown.
+fn tell_read_only(desk: &mut Desk) {
+    let document = desk.studio.document();
+    if !document.is_read_only() {
+        return;
+    }
+    let ignored = match document.ignored() {
+        [] => "Nothing of it is unknown".to_owned(),
+        keys => format!(
+            "What this version does not know is ignored: {}",
+            keys.join(", ")
+        ),
+    };
+    let text = format!(
+        "{} is of a newer version: it can be looked at and exported, but not changed. {ignored}",
+        document.title()
+    );
+    desk.messages.error(text);
+}
+
+/// The files of late; gives the one that was chosen.
+fn recent_menu(ui: &mut Ui, desk: &Desk) -> Option<PathBuf> {
+    let mut chosen = None;
+    let recent: Vec<&PathBuf> = desk.settings.recent.iter().filter(|p| p.exists()).collect();
+    ui.add_enabled_ui(!recent.is_empty(), |ui| {
+        ui.menu_button("Open recent", |ui| {
+            for path in recent {
+                let name = path.file_name().unwrap_or_default().to_string_lossy();
+                let button = ui.button(name);
+                if button.on_hover_text(path.display().to_string()).clicked() {
+                    chosen = Some(path.clone());
+                    ui.close();
+                }
+            }
+        });
+    });
+    chosen
 }
 
 impl eframe::App for App {

@@ -99,6 +99,8 @@ pub(crate) struct CanvasPane {
     pub(crate) kind: Kind,
     camera: Option<Camera2d>,
     map: Size,
+    /// What was looked at, and on a map of what size, to be looked at again when the map is there.
+    again: Option<(Size, Camera2d)>,
     averages: Option<Averages>,
     texture: Option<TextureHandle>,
     pixels: Vec<u8>,
@@ -125,6 +127,7 @@ impl Default for CanvasPane {
             kind: Kind::Lit,
             camera: None,
             map: Size::new(1, 1).expect("1 is a size"),
+            again: None,
             averages: None,
             texture: None,
             pixels: Vec::new(),
@@ -156,7 +159,7 @@ impl CanvasPane {
         let Some(mut camera) = self.camera_for(ui, rect, desk) else {
             return;
         };
-        self.navigate(ui, &response, &mut camera);
+        self.navigate(ui, &response, desk, &mut camera);
         self.camera = Some(camera);
         self.paint_with_pen(ui, &response, desk, camera);
         self.draw(ui, desk, camera);
@@ -223,6 +226,14 @@ impl CanvasPane {
         };
         if self.map.texels() <= 1 {
             camera = fitted(map, size, aspect);
+            if map.texels() > 1
+                && let Some((before, looked)) = self.again.take()
+            {
+                camera = Camera2d {
+                    zoom: looked.zoom * f64::from(before.height()) / f64::from(map.height()),
+                    ..looked
+                };
+            }
         }
         self.map = map;
         camera.size = size;
@@ -244,6 +255,17 @@ impl CanvasPane {
         self.drawn = None;
         self.drawing = None;
         self.last_end = None;
+    }
+
+    /// What is looked at, for [`CanvasPane::look_again`].
+    pub(crate) fn looking(&self) -> Option<(Size, Camera2d)> {
+        self.camera.map(|camera| (self.map, camera))
+    }
+
+    /// Looks at the same part of the map that is being made.
+    pub(crate) fn look_again(&mut self, at: Option<(Size, Camera2d)>) {
+        self.again = at;
+        self.map = Size::new(1, 1).expect("1 is a size");
     }
 
     /// Shows the whole map.
@@ -281,17 +303,24 @@ impl CanvasPane {
         self.camera.map_or(1.0, |c| c.pixels_per_texel().y)
     }
 
-    fn navigate(&mut self, ui: &Ui, response: &Response, camera: &mut Camera2d) {
+    fn navigate(&mut self, ui: &Ui, response: &Response, desk: &Desk, camera: &mut Camera2d) {
         let scale = f64::from(ui.pixels_per_point());
         let pixel = |p: Pos2| self.pixel(ui, p);
         let space = ui.input(|i| i.key_down(egui::Key::Space)) && !ui.ctx().text_edit_focused();
-        let pans = response.dragged_by(PointerButton::Middle)
+        let held = super::viewport::held(ui, response, desk);
+        // A flat map cannot be turned: what turns the mesh moves it.
+        let pans = matches!(held, Some(Drag::Turn | Drag::Pan))
             || (space && response.dragged_by(PointerButton::Primary));
-        if pans {
+        if pans && self.drawing.is_none() {
             let delta = response.drag_delta();
             let by = DVec2::new(f64::from(delta.x), f64::from(delta.y)) * scale;
             *camera = camera.panned(self.map, by);
             ui.ctx().set_cursor_icon(egui::CursorIcon::Grabbing);
+        } else if held == Some(Drag::Zoom)
+            && let Some(from) = ui.input(|i| i.pointer.press_origin())
+        {
+            let factor = 1.01f64.powf(f64::from(-response.drag_delta().y));
+            *camera = camera.zoomed(self.map, pixel(from), factor);
         }
         if let Some(pointer) = response.hover_pos() {
             let (wheel, pinch) = ui.input(|i| (i.smooth_scroll_delta.y, i.zoom_delta()));
@@ -453,8 +482,12 @@ impl CanvasPane {
             if !ui.input(|i| i.pointer.primary_down()) {
                 self.pen_up(desk);
             }
-        } else if desk.hand.kind() == ToolKind::Pick && response.is_pointer_button_down_on() {
-            self.pick(desk);
+        } else if desk.hand.kind() == ToolKind::Pick && drag == Some(Drag::Tool) && !space {
+            if response.is_pointer_button_down_on() {
+                self.pick(desk);
+            } else if response.clicked() || response.drag_stopped() {
+                desk.hand.end_pick();
+            }
         }
     }
 
@@ -701,6 +734,7 @@ impl CanvasPane {
                 egui::CursorIcon::Default
             };
             ui.ctx().set_cursor_icon(icon);
+            self.hint_of_modifiers(ui, painter, pointer, desk, camera, 0.0);
             return;
         }
         let brush = desk.hand.brush();
@@ -743,8 +777,14 @@ impl CanvasPane {
         camera: Camera2d,
         radius: f32,
     ) {
-        let modifiers = ui.input(|i| i.modifiers);
-        let text = if modifiers.shift {
+        let (modifiers, space) = ui.input(|i| (i.modifiers, i.key_down(egui::Key::Space)));
+        let text = if modifiers.alt {
+            "left or middle drag: move the map; right drag: zoom"
+        } else if space {
+            "drag: move the map"
+        } else if !desk.hand.kind().paints() {
+            return;
+        } else if modifiers.shift {
             if let Some(end) = self.last_end {
                 let from = self.screen_at(ui.pixels_per_point(), desk, camera, end);
                 let to = if modifiers.command {

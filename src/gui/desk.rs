@@ -4,13 +4,14 @@ use super::guides::GuideHand;
 use super::messages::Messages;
 use anisomap::Error;
 use anisomap::map::Rect;
-use anisomap::recipe::Layer;
+use anisomap::recipe::{Layer, RecipeFile};
 use anisomap::studio::action::Action;
 use anisomap::studio::hand::Hand;
 use anisomap::studio::keymap::Keymap;
 use anisomap::studio::settings::{Folders, Settings};
-use anisomap::studio::{Edit, LayerHead, Studio, Tick};
-use eframe::egui::Context;
+use anisomap::studio::{Edit, Header, LayerHead, Studio, Tick};
+use eframe::egui::{Context, Id};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Which pictures are shown.
@@ -28,6 +29,21 @@ pub(crate) struct News {
     pub(crate) map: Vec<Rect>,
     pub(crate) new_map: bool,
     pub(crate) picture: bool,
+}
+
+/// What takes more memory than the machine has to give, and waits for a yes.
+pub(crate) struct Large {
+    /// What there is to say of it.
+    pub(crate) warning: String,
+    pub(crate) what: LargeThing,
+}
+
+/// What is large.
+pub(crate) enum LargeThing {
+    /// A recipe, and where it was read from.
+    Document(Box<RecipeFile>, Option<PathBuf>),
+    /// The document with another size.
+    Header(Box<Header>),
 }
 
 /// What all parts of the window share.
@@ -54,6 +70,12 @@ pub(crate) struct Desk {
     pub(crate) draw_time: Option<Duration>,
     /// Whether the 3D picture has to be drawn again, and whether by a hand that still moves.
     pub(crate) redraw: Redraw,
+    /// The file that is being read, in words.
+    pub(crate) reading: Option<String>,
+    /// What waits to be asked about because of its size.
+    pub(crate) large: Option<Large>,
+    /// The control that takes the keyboard first.
+    pub(crate) first_control: Option<Id>,
     asked: Vec<Action>,
     strokes: u32,
 }
@@ -92,6 +114,9 @@ impl Desk {
             news: News::default(),
             draw_time: None,
             redraw: Redraw::Sharp,
+            reading: None,
+            large: None,
+            first_control: None,
             asked: Vec::new(),
             strokes: 0,
         }

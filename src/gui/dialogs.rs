@@ -1,9 +1,11 @@
 //! The dialogs: files, unsaved work, recovered work, a new document, settings. One is open at a time.
 
-use super::desk::Desk;
+use super::desk::{Desk, Large, LargeThing};
 use super::export::{ExportDialog, Wish as ExportWish};
 use super::files::{FileDialog, Purpose};
 use super::help::Help;
+use super::intake::Part;
+use super::messages::count;
 use super::presets::{PresetBrowser, Wish as PresetWish};
 use super::properties::memory;
 use super::theme::{self, Palette};
@@ -28,6 +30,8 @@ pub(crate) enum Then {
     Preset(&'static Preset),
     /// An empty document takes its place.
     New,
+    /// A mesh or a map comes into the document, which has a folder now.
+    TakeIn(Part, PathBuf),
 }
 
 /// The dialog that is open.
@@ -42,6 +46,7 @@ pub(crate) enum Dialog {
     Settings,
     Presets(PresetBrowser),
     Shortcuts(Help),
+    Large(Large),
 }
 
 /// What a dialog asks the window to do.
@@ -58,6 +63,10 @@ pub(crate) enum Wish {
     Recover(Box<LeftBehind>),
     /// A document is begun.
     Begin(Box<RecipeFile>),
+    /// What is large is made all the same.
+    Large(LargeThing),
+    /// The file of keys is opened with what the system opens it with.
+    EditKeys,
 }
 
 /// What a new document is to be.
@@ -89,6 +98,7 @@ impl Dialog {
             Self::Settings => "settings dialog",
             Self::Presets(_) => "presets dialog",
             Self::Shortcuts(_) => "shortcuts dialog",
+            Self::Large(_) => "large dialog",
         }
     }
 
@@ -117,7 +127,7 @@ pub(crate) fn show(ctx: &Context, open: &mut Option<Dialog>, desk: &mut Desk) ->
         ui.spacing_mut().item_spacing.y = 6.0;
         contents(ui, &mut dialog, desk)
     });
-    let (next, wish) = shown.inner;
+    let (next, mut wish) = shown.inner;
     let closed = shown.backdrop_response.clicked()
         || (shown.is_top_modal && ctx.input(|i| i.key_pressed(egui::Key::Escape)));
     *open = match next {
@@ -125,6 +135,12 @@ pub(crate) fn show(ctx: &Context, open: &mut Option<Dialog>, desk: &mut Desk) ->
         Next::Stay => Some(dialog),
         Next::Close => None,
         Next::Other(build) => Some(build(dialog)),
+        Next::Grant => {
+            if let Dialog::Large(large) = dialog {
+                wish = Some(Wish::Large(large.what));
+            }
+            None
+        }
     };
     wish
 }
@@ -134,6 +150,8 @@ enum Next {
     Stay,
     Close,
     Other(fn(Dialog) -> Dialog),
+    /// What the dialog holds is done.
+    Grant,
 }
 
 fn contents(ui: &mut Ui, dialog: &mut Dialog, desk: &mut Desk) -> (Next, Option<Wish>) {
@@ -161,7 +179,8 @@ fn contents(ui: &mut Ui, dialog: &mut Dialog, desk: &mut Desk) -> (Next, Option<
         Dialog::Unsaved(then) => unsaved(ui, desk, then),
         Dialog::Recover(left) => recover(ui, left),
         Dialog::New(new) => new_document(ui, desk, new),
-        Dialog::Settings => (settings(ui, desk), None),
+        Dialog::Settings => settings(ui, desk),
+        Dialog::Large(large) => ask_for_room(ui, large),
         Dialog::Presets(browser) => match browser.show(ui) {
             PresetWish::Stay => (Next::Stay, None),
             PresetWish::Close => (Next::Close, None),
@@ -243,7 +262,7 @@ fn recover(ui: &mut Ui, left: &mut Vec<LeftBehind>) -> (Next, Option<Wish>) {
                 &one.base.title
             };
             ui.label(RichText::new(title).strong());
-            ui.label(format!("{} changes{when}", one.edits.len()));
+            ui.label(format!("{}{when}", count(one.edits.len(), "change")));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 if ui
                     .button("Discard")
@@ -287,17 +306,43 @@ fn recover(ui: &mut Ui, left: &mut Vec<LeftBehind>) -> (Next, Option<Wish>) {
 fn ago(seconds: u64) -> String {
     match seconds {
         0..90 => "just now".to_owned(),
-        90..5400 => format!("{} minutes ago", seconds / 60),
-        5400..129_600 => format!("{} hours ago", (seconds + 1800) / 3600),
-        _ => format!("{} days ago", seconds / 86_400),
+        90..5400 => format!("{} ago", count(seconds as usize / 60, "minute")),
+        5400..129_600 => format!("{} ago", count((seconds as usize + 1800) / 3600, "hour")),
+        _ => format!("{} ago", count(seconds as usize / 86_400, "day")),
     }
+}
+
+/// Asks before more is taken than the machine has to give.
+fn ask_for_room(ui: &mut Ui, large: &Large) -> (Next, Option<Wish>) {
+    ui.set_width(420.0);
+    ui.heading("This takes much memory");
+    ui.add(egui::Label::new(&large.warning).wrap());
+    ui.label(match large.what {
+        LargeThing::Document(..) => "The document at hand stays open when you cancel.",
+        LargeThing::Header(_) => "The document keeps its size when you cancel.",
+    });
+    ui.add_space(8.0);
+    let mut answer = (Next::Stay, None);
+    ui.horizontal(|ui| {
+        if main_button(ui, "Cancel").clicked() {
+            answer = (Next::Close, None);
+        }
+        if ui
+            .button("Make it anyway")
+            .on_hover_text("What is open should be saved first.")
+            .clicked()
+        {
+            answer = (Next::Grant, None);
+        }
+    });
+    answer
 }
 
 fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, Option<Wish>) {
     ui.set_width(380.0);
     ui.heading("New document");
     caption(ui, "Width in texels");
-    let sides = [512u32, 1024, 2048, 4096, 8192];
+    let sides = [512u32, 1024, 2048, 4096, 8192, 16384];
     let words: Vec<String> = sides.iter().map(u32::to_string).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let now = sides.iter().position(|s| *s == new.side).unwrap_or(1);
@@ -379,7 +424,7 @@ impl NewDocument {
     }
 }
 
-fn settings(ui: &mut Ui, desk: &mut Desk) -> Next {
+fn settings(ui: &mut Ui, desk: &mut Desk) -> (Next, Option<Wish>) {
     ui.set_width(420.0);
     ui.heading("Settings");
     let before = desk.settings.clone();
@@ -423,27 +468,25 @@ fn settings(ui: &mut Ui, desk: &mut Desk) -> Next {
         .integer(true)
         .default(512.0)
         .show(ui, &mut mib);
-    bar.response.on_hover_text(
-        "The oldest steps are forgotten beyond this. Takes effect with the next document.",
-    );
+    bar.response
+        .accessible_name("Memory for undo")
+        .on_hover_text("The oldest steps are forgotten beyond this.");
     desk.settings.undo_memory = mib as u32;
+    if desk.settings.undo_memory != before.undo_memory {
+        desk.studio.set_undo_bytes(desk.settings.undo_bytes());
+    }
     caption(ui, "Keys");
+    let mut wish = None;
     if let Some(path) = desk.folders.as_ref().map(|f| f.keymap()) {
         ui.horizontal(|ui| {
             if ui
-                .button("Write the keymap file")
+                .button("Open the keys file")
                 .on_hover_text(
-                    "Writes every action with its keys, to be changed with a text editor.",
+                    "Opens the file with every action and its keys in a text editor. Saved, it is read at once.",
                 )
                 .clicked()
             {
-                let written = make_folder(&path).and_then(|()| desk.keymap.save(&path));
-                if desk.told(written).is_some() {
-                    desk.messages.news(format!(
-                        "Keys written to {}; they are read at the next start",
-                        path.display()
-                    ));
-                }
+                wish = Some(Wish::EditKeys);
             }
         });
         ui.add(
@@ -460,12 +503,6 @@ fn settings(ui: &mut Ui, desk: &mut Desk) -> Next {
     if desk.settings != before {
         desk.save_settings();
     }
-    if closed { Next::Close } else { Next::Stay }
-}
-
-fn make_folder(path: &std::path::Path) -> Result<(), Error> {
-    match path.parent() {
-        Some(folder) => std::fs::create_dir_all(folder).map_err(Error::write(folder)),
-        None => Ok(()),
-    }
+    let next = if closed { Next::Close } else { Next::Stay };
+    (next, wish)
 }

@@ -1,6 +1,8 @@
 //! The export dialog, and the thread that writes the files.
 
 use super::desk::Desk;
+use super::machine::too_large;
+use super::messages::count;
 use super::properties::{bytes_text, memory};
 use super::theme::Palette;
 use super::widgets::caption;
@@ -180,7 +182,13 @@ impl ExportDialog {
                     let text = format!("{size}  ({})", memory([size.width(), size.height()]));
                     ui.selectable_value(&mut self.size, size, text);
                 }
-            });
+            })
+            .response
+            .accessible_name("Size of the files in texels")
+            .on_hover_text("The map is made anew at this size: nothing gets blurred.");
+        if let Some(much) = too_large(self.size) {
+            ui.add(egui::Label::new(RichText::new(much).color(palette.warning)).wrap());
+        }
         caption(ui, "Folder and name");
         let mut wish = Wish::Stay;
         ui.horizontal(|ui| {
@@ -248,11 +256,9 @@ impl ExportDialog {
         match work.now() {
             Now::Going => return,
             Now::Came(Ok(report)) => {
-                desk.messages.news(format!(
-                    "{} files written to {}",
-                    report.files.len(),
-                    self.folder
-                ));
+                let files = count(report.files.len(), "file");
+                desk.messages
+                    .news(format!("{files} written to {}", self.folder));
                 self.report = Some(report);
             }
             Now::Came(Err(Error::Cancelled)) => self.error = Some(Error::Cancelled.to_string()),
@@ -457,10 +463,10 @@ fn gltf(
         apart.angle.max_degrees
     ));
     if told.clamped > 0 {
-        report.notes.push(format!(
-            "{} texels are rougher than glTF can say.",
-            told.clamped
-        ));
+        let texels = count(told.clamped as usize, "texel");
+        report
+            .notes
+            .push(format!("Rougher than glTF can say: {texels}."));
     }
     Ok(written)
 }

@@ -8,7 +8,7 @@ use anisomap::studio::orbit::Preset;
 use eframe::egui::{self, RichText, Ui};
 
 /// What is done with the pointer: (where, how, what).
-const GESTURES: [(&str, &str); 13] = [
+const GESTURES: [(&str, &str); 14] = [
     (
         "Drag on the canvas",
         "Paints; the first dab waits for a direction",
@@ -24,7 +24,8 @@ const GESTURES: [(&str, &str); 13] = [
         "Size sideways, hardness up and down; the right button puts it back",
     ),
     ("Wheel over the canvas", "Zooms at the pointer"),
-    ("Space + drag, or middle drag", "Moves the canvas"),
+    ("Space + drag, Alt + drag, middle drag", "Moves the canvas"),
+    ("Alt + right drag", "Zooms the canvas"),
     (
         "Drag the ball on the lit canvas",
         "Moves the light; Shift and the right button do so from anywhere",
@@ -76,7 +77,7 @@ impl Help {
         if let Some(folders) = &desk.folders {
             ui.add_space(6.0);
             let text = format!(
-                "Keys can be changed in {}; Edit > Settings writes that file.",
+                "Keys can be changed in {}; Edit > Settings opens that file.",
                 folders.keymap().display()
             );
             ui.add(egui::Label::new(RichText::new(text).small().color(palette.weak)).wrap());

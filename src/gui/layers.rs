@@ -81,6 +81,12 @@ impl LayersPanel {
         }
     }
 
+    /// Whether a layer is being renamed.
+    #[cfg(test)]
+    pub(crate) fn is_renaming(&self) -> bool {
+        self.renaming.is_some()
+    }
+
     fn buttons(&mut self, ui: &mut Ui, desk: &mut Desk) {
         let solo = desk.studio.solo().is_some();
         for (icon, action, on) in [

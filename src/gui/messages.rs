@@ -8,6 +8,14 @@ use eframe::egui::{
 };
 use std::time::{Duration, Instant};
 
+/// A number of things, as people say it: `1 change`, `2 changes`.
+pub(crate) fn count(n: usize, one: &str) -> String {
+    match n {
+        1 => format!("1 {one}"),
+        _ => format!("{n} {one}s"),
+    }
+}
+
 /// How long news stay.
 const NEWS: Duration = Duration::from_secs(6);
 /// The most messages that are shown.

@@ -1,11 +1,12 @@
 //! The panel under the layers: the brush, the selected layer, the document, the history.
 
-use super::desk::{Desk, Redraw};
+use super::desk::{Desk, Large, LargeThing, Redraw};
+use super::machine::too_large;
 use super::theme::Palette;
 use super::tools::{brush_panel, shown};
 use super::widgets::{Bar, body, caption, choices, left_label};
 use anisomap::guide::Guides;
-use anisomap::map::Wrap;
+use anisomap::map::{Size, Wrap};
 use anisomap::pattern::Pattern;
 use anisomap::recipe::{Mask, MaskSource, Material, SEED_MAX, Source};
 use anisomap::studio::action::Action;
@@ -130,7 +131,7 @@ fn head(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
         if let Some(seed) = layer.seed {
             let mut now = seed;
             let field = egui::DragValue::new(&mut now).range(0..=SEED_MAX).speed(1.0);
-            let response = ui.add(field).on_hover_text("Another number gives another surface of the same kind.");
+            let response = ui.add(field).accessible_name("Seed of the layer").on_hover_text("Another number gives another surface of the same kind.");
             if now != seed {
                 set_head(desk, at, "Seed", |h| h.seed = Some(now));
             }
@@ -193,10 +194,9 @@ fn source(ui: &mut Ui, desk: &mut Desk, at: usize, inside: &Inside) {
         }
         Inside::Strokes(count) => {
             caption(ui, "Strokes");
-            ui.label(match count {
+            ui.label(match *count {
                 0 => "None yet: paint on the canvas.".to_owned(),
-                1 => "1 stroke".to_owned(),
-                n => format!("{n} strokes"),
+                n => super::messages::count(n, "stroke"),
             });
         }
         Inside::Guides(guides) => {
@@ -318,6 +318,7 @@ fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
                 }
             })
             .response
+            .accessible_name("Mask")
             .on_hover_text(
                 "Where the layer shows: everywhere, or where a pattern has large values.",
             );
@@ -477,10 +478,18 @@ fn document_panel(ui: &mut Ui, desk: &mut Desk) {
             .speed(1.0);
         let response = ui
             .add(field)
+            .accessible_name("Seed of the document")
             .on_hover_text("What all randomness comes from.");
         finished |= response.drag_stopped() || response.lost_focus();
     });
-    if header != before {
+    let [width, height] = header.size;
+    let resized = Size::new(width, height)
+        .ok()
+        .filter(|_| header.size != before.size);
+    if let Some(warning) = resized.and_then(too_large) {
+        let what = LargeThing::Header(Box::new(header));
+        desk.large = Some(Large { warning, what });
+    } else if header != before {
         let done = desk.studio.set_header("Document", header);
         desk.redraw = desk.redraw.or(Redraw::Sharp);
         desk.told(done);
@@ -496,7 +505,7 @@ fn size_rows(ui: &mut Ui, header: &mut Header) {
             .width(120.0)
             .selected_text(format!("{w} x {h}"))
             .show_ui(ui, |ui| {
-                for side in [256u32, 512, 1024, 2048, 4096, 8192] {
+                for side in [256u32, 512, 1024, 2048, 4096, 8192, 16384] {
                     let size = [
                         side,
                         (u64::from(side) * u64::from(h) / u64::from(w)).clamp(1, 16384) as u32,
@@ -508,6 +517,7 @@ fn size_rows(ui: &mut Ui, header: &mut Header) {
                 }
             })
             .response
+            .accessible_name("Size in texels")
             .on_hover_text(
                 "The map's size. Patterns and strokes are drawn anew: nothing gets blurred.",
             );
@@ -535,9 +545,13 @@ fn size_rows(ui: &mut Ui, header: &mut Header) {
 
 /// About what a map of a size takes while it is worked on.
 pub(crate) fn memory(size: [u32; 2]) -> String {
+    bytes_text(bytes_needed(size))
+}
+
+/// About what a map of a size takes while it is worked on, bytes.
+pub(crate) fn bytes_needed(size: [u32; 2]) -> u64 {
     // Four planes of the map, their copy for drawing, levels, and the layers' caches.
-    let bytes = u64::from(size[0]) * u64::from(size[1]) * 72;
-    bytes_text(bytes)
+    u64::from(size[0]) * u64::from(size[1]) * 72
 }
 
 /// Bytes as people read them.

@@ -78,6 +78,9 @@ pub(crate) fn show(ui: &mut Ui, desk: &Desk, zoom: f64, probe: Option<&Probe>) {
         };
         let next = quality.next.map_or(String::new(), |part| format!(", next {:>2.0}%", part * 100.0));
         text(ui, samples + &next, palette.weak, "How good the 3D picture is; it gets better while nothing changes, up to the f64 reference.");
+        if let Some(reading) = &desk.reading {
+            text(ui, reading.clone(), palette.accent, "A file is read and checked in the background; you can go on.");
+        }
         if let Some(part) = desk.working {
             ui.add(egui::ProgressBar::new(part).desired_width(90.0).desired_height(8.0));
             text(ui, "making the map".to_owned(), palette.accent, "The map is worked out in the background; you can go on.");

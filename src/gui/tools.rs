@@ -40,6 +40,9 @@ pub(crate) fn column(ui: &mut Ui, desk: &mut Desk) {
             let action = kind.action();
             let button = icon_button(ui, icon(kind), kind.name(), 34.0, desk.hand.kind() == kind);
             let tip = format!("{}\n{}", kind.name(), desk.tip(action));
+            if kind == ToolKind::ALL[0] {
+                desk.first_control = Some(button.id);
+            }
             if button.on_hover_text(tip).clicked() {
                 desk.ask(action);
             }
@@ -152,6 +155,7 @@ fn optional_alpha(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<f32>, d
     let mut on = value.is_some();
     if ui
         .checkbox(&mut on, "")
+        .accessible_name(format!("Paint {name}"))
         .on_hover_text(format!(
             "Whether {name} is painted; else it stays as it is."
         ))
@@ -241,6 +245,7 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
             let mut on = f.angle.is_some();
             if ui
                 .checkbox(&mut on, "")
+                .accessible_name("Paint the direction")
                 .on_hover_text("Whether the direction is filled; else it stays as it is.")
                 .changed()
             {

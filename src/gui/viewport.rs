@@ -8,11 +8,11 @@ use super::widgets::{Bar, icon_button, overlay_text};
 use anisomap::brdf::Model;
 use anisomap::map::{Rect as Pixels, Size};
 use anisomap::paint::{Point, Symmetry, surface_scale};
-use anisomap::preview::{Look, Measure, Rig, Scene};
+use anisomap::preview::{Look, Measure, Rig, Scene, srgb_from_linear};
 use anisomap::raster::Camera;
 use anisomap::studio::action::Action;
 use anisomap::studio::hand::ToolKind;
-use anisomap::studio::orbit::{Button, Drag, Orbit, turn_lights};
+use anisomap::studio::orbit::{Button, Drag, Orbit, Preset, turn_lights};
 use anisomap::studio::view::Probe;
 use anisomap::studio::{Edit, Header, Hit, Show};
 use eframe::egui::{
@@ -116,6 +116,7 @@ impl ViewportPane {
                     }
                 })
                 .response
+                .accessible_name("One model, two, or their difference")
                 .on_hover_text(desk.tip(Action::Compare));
             if now > 0 {
                 let mut second = self.other;
@@ -230,6 +231,7 @@ impl ViewportPane {
             ToolKind::Pick => {
                 if let Some(p) = &self.probe {
                     desk.hand.pick(p.alpha_x, p.alpha_y, p.angle_degrees);
+                    desk.hand.end_pick();
                 }
                 true
             }
@@ -317,9 +319,13 @@ impl ViewportPane {
     /// The brush where it would paint.
     fn cursor(&mut self, ui: &Ui, response: &Response, desk: &Desk) {
         let pointer = response.hover_pos().or(response.interact_pointer_pos());
-        let (Some(hit), Some(pointer)) = (self.hit, pointer) else {
+        let Some(pointer) = pointer.filter(|p| self.rect.contains(*p)) else {
             return;
         };
+        if self.drawing.is_none() {
+            self.hint_of_modifiers(ui, desk, pointer);
+        }
+        let Some(hit) = self.hit else { return };
         if !desk.hand.kind().paints() || ui.input(|i| i.modifiers.alt) {
             return;
         }
@@ -337,19 +343,33 @@ impl ViewportPane {
         }
     }
 
-    fn navigate(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) {
+    /// What the held keys would do now.
+    fn hint_of_modifiers(&self, ui: &Ui, desk: &Desk, pointer: Pos2) {
         let modifiers = ui.input(|i| i.modifiers);
-        let held = [
-            (PointerButton::Primary, Button::Left),
-            (PointerButton::Middle, Button::Middle),
-            (PointerButton::Secondary, Button::Right),
-        ];
-        let pressed = held.into_iter().find(|(b, _)| response.dragged_by(*b));
-        let drag = pressed.and_then(|(_, b)| {
-            desk.settings
-                .navigation
-                .drag(b, modifiers.command, modifiers.alt, modifiers.shift)
-        });
+        let paints = self.hit.is_some() && desk.hand.kind().paints();
+        let is_middle = desk.settings.navigation == Preset::Middle;
+        let text = if modifiers.alt {
+            "left drag: turn; middle: move; right: zoom"
+        } else if modifiers.shift {
+            match (paints, is_middle) {
+                (true, _) => "click: straight line; right drag: turn the lights",
+                (false, true) => "middle drag: move; right drag: turn the lights",
+                (false, false) => "right drag: turn the lights",
+            }
+        } else if modifiers.command && paints {
+            desk.hand.kind().inverse_name()
+        } else if modifiers.command && is_middle {
+            "middle drag: zoom"
+        } else {
+            return;
+        };
+        let painter = ui.painter_at(self.rect);
+        let below = pointer + vec2(0.0, 24.0);
+        overlay_text(&painter, below, Align2::CENTER_TOP, text);
+    }
+
+    fn navigate(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) {
+        let drag = held(ui, response, desk);
         let delta = response.drag_delta() / self.rect.height().max(1.0);
         let by = Vec2::new(delta.x, delta.y);
         let mut scene = None;
@@ -473,17 +493,17 @@ impl ViewportPane {
                 egui::Stroke::new(1.0, Color32::from_black_alpha(200)),
             );
         }
-        if let (Show::Difference(a, b, _), Some(scale)) = (show, desk.studio.viewport().scale()) {
-            let text = format!(
-                "{}  \u{2212}  {}:  0 to {scale:.3} \u{394}E",
-                a.caption(),
-                b.caption()
-            );
-            overlay_text(
+        if let (Show::Difference(a, b, measure), Some(scale)) =
+            (show, desk.studio.viewport().scale())
+        {
+            let text = format!("{}  \u{2212}  {}", a.caption(), b.caption());
+            let at = rect.center_top() + vec2(0.0, 10.0);
+            overlay_text(&painter, at, Align2::CENTER_TOP, &text);
+            difference_legend(
                 &painter,
-                rect.center_top() + vec2(0.0, 10.0),
-                Align2::CENTER_TOP,
-                &text,
+                rect.left_bottom() + vec2(12.0, -12.0),
+                measure,
+                scale,
             );
         }
         if desk.working.is_some() {
@@ -494,6 +514,57 @@ impl ViewportPane {
                 "making the map",
             );
         }
+    }
+}
+
+/// What the drag that goes on over a picture does.
+pub(crate) fn held(ui: &Ui, response: &Response, desk: &Desk) -> Option<Drag> {
+    let buttons = [
+        (PointerButton::Primary, Button::Left),
+        (PointerButton::Middle, Button::Middle),
+        (PointerButton::Secondary, Button::Right),
+    ];
+    let (_, button) = buttons.into_iter().find(|(b, _)| response.dragged_by(*b))?;
+    let keys = ui.input(|i| i.modifiers);
+    desk.settings
+        .navigation
+        .drag(button, keys.command, keys.alt, keys.shift)
+}
+
+/// The colours of a difference with their numbers, its lower left corner at a place.
+fn difference_legend(painter: &egui::Painter, corner: Pos2, measure: Measure, scale: f32) {
+    let (width, high) = (220.0, 12.0);
+    let ground = Rect::from_min_max(corner - vec2(0.0, 58.0), corner + vec2(width + 32.0, 0.0));
+    let dark = Color32::from_rgba_unmultiplied(12, 13, 15, 200);
+    painter.rect_filled(ground, CornerRadius::same(5), dark);
+    let (ink, font) = (
+        Color32::from_rgb(0xe8, 0xe9, 0xea),
+        egui::FontId::proportional(11.0),
+    );
+    let title = "\u{394}E (CIE 1976): 1 can just be seen";
+    let at = ground.left_top() + vec2(10.0, 5.0);
+    painter.text(at, Align2::LEFT_TOP, title, font.clone(), ink);
+    let bar = Rect::from_min_size(ground.left_top() + vec2(16.0, 24.0), vec2(width, high));
+    let steps = 110;
+    for i in 0..steps {
+        let t = (i as f32 + 0.5) / steps as f32;
+        let [r, g, b] = measure
+            .colour(t)
+            .map(|c| (srgb_from_linear(c) * 255.0).round() as u8);
+        let left = bar.left() + width * i as f32 / steps as f32;
+        let part = Rect::from_min_size(
+            pos2(left, bar.top()),
+            vec2(width / steps as f32 + 0.5, high),
+        );
+        painter.rect_filled(part, CornerRadius::ZERO, Color32::from_rgb(r, g, b));
+    }
+    for (t, align) in [
+        (0.0, Align2::LEFT_TOP),
+        (0.5, Align2::CENTER_TOP),
+        (1.0, Align2::RIGHT_TOP),
+    ] {
+        let at = pos2(bar.left() + width * t, bar.bottom() + 4.0);
+        painter.text(at, align, format!("{}", scale * t), font.clone(), ink);
     }
 }
 
@@ -539,6 +610,7 @@ fn mesh_choice(ui: &mut Ui, desk: &mut Desk) {
             }
         })
         .response
+        .accessible_name("Mesh")
         .on_hover_text(format!(
             "The mesh that the map is shown on. {}",
             desk.tip(Action::NextMesh)
@@ -577,7 +649,7 @@ fn look_choice(ui: &mut Ui, name: &str, look: &mut Look) -> bool {
                 ui.separator();
             }
         }
-    }).response.on_hover_text("The reflection model. Without \u{201c}map\u{201d} it has the map's mean lobe all over (J for the next).");
+    }).response.accessible_name(name).on_hover_text("The reflection model. Without \u{201c}map\u{201d} it has the map's mean lobe all over (J for the next).");
     *look != before
 }
 

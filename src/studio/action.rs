@@ -128,7 +128,7 @@ actions! {
         ToolSetDirection "tool_set_direction" "Set direction" "Turns the x axis to one angle and leaves the widths" ["Q"]
         ToolErase "tool_erase" "Erase" "Takes strokes of this layer away" ["E"]
         ToolFill "tool_fill" "Fill" "Fills the whole layer with the brush's widths and direction" ["G"]
-        ToolPick "tool_pick" "Pick" "Takes widths and direction from under the pointer" ["V", "I"]
+        ToolPick "tool_pick" "Pick" "Takes widths and direction from under the pointer for every tool, and gives the tool before it back" ["V", "I"]
         ToolScratch "tool_scratch" "Scratch" "Scatters fine scratches along the stroke" ["T"]
         ToolGuide "tool_guide" "Guide" "Draws and edits guides that the direction follows" ["U"]
     }
@@ -179,6 +179,7 @@ actions! {
         ShowBoth "show_both" "Canvas and 3D view" "Shows canvas and 3D view side by side" ["F2"]
         ShowCanvas "show_canvas" "Canvas alone" "Shows the canvas alone" ["F3"]
         ShowViewport "show_viewport" "3D view alone" "Shows the 3D view alone" ["F4"]
+        FocusControls "focus_controls" "Go to the controls" "Gives the keyboard to the controls: Tab goes on, Escape comes back" ["F6"]
         TogglePanels "toggle_panels" "Hide panels" "Hides all panels, and brings them back" ["Tab"]
         ToggleHistory "toggle_history" "History" "Shows the list of changes" ["Ctrl+H"]
         ToggleTheme "toggle_theme" "Light or dark" "Changes between the light and the dark theme" ["F10"]

@@ -1,6 +1,9 @@
 //! The window, driven as a user drives it, without a display.
 
+mod bad_input;
+mod names;
 mod renderer;
+mod shortcuts;
 
 use super::app::App;
 use super::canvas::Kind;
@@ -252,44 +255,6 @@ fn every_key_of_every_action_reaches_it() {
 }
 
 #[test]
-fn keys_do_what_the_list_says() {
-    let (mut window, _folder) = window();
-    for kind in ToolKind::ALL {
-        let keys = window.state().desk.keymap.chords(kind.action())[0].to_string();
-        press(&mut window, &keys);
-        assert_eq!(window.state().desk.hand.kind(), kind, "{keys}");
-    }
-    for kind in Kind::ALL {
-        let keys = window.state().desk.keymap.chords(kind.action())[0].to_string();
-        press(&mut window, &keys);
-        assert_eq!(window.state().canvas.kind, kind, "{keys}");
-    }
-    press(&mut window, "M");
-    assert_eq!(window.state().canvas.kind, Kind::Lit);
-    press(&mut window, "C");
-    assert_eq!(window.state().canvas.kind, Kind::AlphaX);
-    press(&mut window, "B");
-    let radius = window.state().desk.hand.brush().radius;
-    press(&mut window, "]");
-    assert!(window.state().desk.hand.brush().radius > radius);
-    press(&mut window, "[");
-    let hardness = window.state().desk.hand.brush().hardness;
-    press(&mut window, "Shift+]");
-    assert!(window.state().desk.hand.brush().hardness > hardness);
-    press(&mut window, "Tab");
-    assert!(!window.state().desk.panels);
-    press(&mut window, "Tab");
-    assert!(window.state().desk.panels);
-    press(&mut window, "F3");
-    assert_eq!(window.state().desk.panes, Panes::Canvas);
-    press(&mut window, "F2");
-    press(&mut window, "F1");
-    assert!(matches!(window.state().dialog, Some(Dialog::Shortcuts(_))));
-    press(&mut window, "Escape");
-    assert!(window.state().dialog.is_none());
-}
-
-#[test]
 fn every_action_can_be_done_at_any_time_without_harm() {
     let (mut window, _folder) = window();
     for action in Action::ALL.iter().filter(|a| **a != Action::Quit) {
@@ -479,4 +444,138 @@ fn the_window_stays_still_when_nothing_happens() {
         .min()
         .unwrap();
     assert!(delay > Duration::from_secs(3600), "{delay:?}");
+}
+
+#[test]
+fn the_picker_gives_the_tool_before_it_back() {
+    let (mut window, _folder) = window();
+    press(&mut window, "K");
+    press(&mut window, "V");
+    assert_eq!(window.state().desk.hand.kind(), ToolKind::Pick);
+    let at = window.get_by_label("Paint canvas").rect().center();
+    window.hover_at(at);
+    window.step();
+    let probe = window.state().canvas.probe.clone().unwrap();
+    window.drag_at(at);
+    window.step();
+    window.drop_at(at);
+    window.run_steps(2);
+    let hand = &window.state().desk.hand;
+    assert_eq!(hand.kind(), ToolKind::Comb);
+    press(&mut window, "B");
+    match &window.state().desk.hand.brush().tool {
+        anisomap::paint::Tool::Groove(groove) => assert_eq!(groove.along, probe.alpha_x),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn held_keys_tell_what_they_do() {
+    let (mut window, _folder) = window();
+    let canvas = window.get_by_label("Paint canvas").rect();
+    let view = window.get_by_role_and_label(Role::Canvas, "3D view").rect();
+    for (at, modifiers, wanted) in [
+        (
+            canvas.center(),
+            Modifiers::CTRL | Modifiers::COMMAND,
+            "erases",
+        ),
+        (canvas.center(), Modifiers::SHIFT, "straight line"),
+        (canvas.center(), Modifiers::ALT, "move the map"),
+        (view.center(), Modifiers::ALT, "turn"),
+        (view.center(), Modifiers::SHIFT, "turn the lights"),
+    ] {
+        window.hover_at(at);
+        hold(&mut window, modifiers);
+        window.step();
+        let shown = texts(&window);
+        assert!(
+            shown.iter().any(|t| t.contains(wanted)),
+            "{wanted}: {shown:?}"
+        );
+        hold(&mut window, Modifiers::NONE);
+        window.step();
+    }
+}
+
+/// Every text that is painted.
+fn texts(window: &Window) -> Vec<String> {
+    fn of(shape: &eframe::egui::Shape, found: &mut Vec<String>) {
+        match shape {
+            eframe::egui::Shape::Text(text) => found.push(text.galley.text().to_owned()),
+            eframe::egui::Shape::Vec(shapes) => shapes.iter().for_each(|s| of(s, found)),
+            _ => {}
+        }
+    }
+    let mut found = Vec::new();
+    for clipped in &window.output().shapes {
+        of(&clipped.shape, &mut found);
+    }
+    found
+}
+
+#[test]
+fn the_hint_fits_what_is_open_and_never_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut first = app(folder.path(), SMALL);
+    first.desk.settings.hint_closed = false;
+    let mut window = window_of(first, vec2(1200.0, 760.0));
+    window.get_by_label_contains("Turn the torus");
+    button(&window, "Close hint");
+    window.run_steps(2);
+    assert!(window.query_by_label_contains("Turn the torus").is_none());
+    let (settings, _) = Settings::load(&Folders::below(folder.path()).settings());
+    assert!(settings.hint_closed);
+}
+
+#[test]
+fn a_file_that_another_program_changes_is_read_again_and_looks_as_before() {
+    let (mut window, folder) = window();
+    let path = folder.path().join("watched.toml");
+    let ctx = window.ctx.clone();
+    window.state_mut().save(&ctx, &path);
+    window.state_mut().canvas.zoom_by(2.0);
+    window.step();
+    let zoom = window.state().canvas.zoom();
+    let mut scene = window.state().desk.studio.scene().clone();
+    scene.camera.eye *= 1.5;
+    window.state_mut().desk.studio.set_scene(scene.clone());
+    let text = std::fs::read_to_string(&path)
+        .unwrap()
+        .replace("angle = 30", "angle = 75");
+    std::fs::write(&path, text).unwrap();
+    for _ in 0..400 {
+        window.step();
+        if window
+            .state()
+            .desk
+            .messages
+            .texts()
+            .iter()
+            .any(|t| t.contains("read again"))
+        {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    settle(&mut window);
+    let recipe = format!("{:?}", window.state().desk.studio.recipe().layers[0].source);
+    assert!(recipe.contains("75"), "{recipe}");
+    assert_eq!(window.state().canvas.zoom(), zoom);
+    assert_eq!(window.state().desk.studio.scene().camera, scene.camera);
+}
+
+#[test]
+fn changed_keys_are_read_while_the_window_is_open() {
+    let (mut window, folder) = window();
+    std::fs::write(folder.path().join("keys.toml"), "[keys]\ntool_comb = 'O'\n").unwrap();
+    for _ in 0..400 {
+        window.step();
+        if window.state().desk.keymap.keys_text(Action::ToolComb) == "O" {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    press(&mut window, "O");
+    assert_eq!(window.state().desk.hand.kind(), ToolKind::Comb);
 }

@@ -1,0 +1,98 @@
+//! Every control has a name for screen readers and can be reached with the keyboard.
+
+use super::*;
+use crate::gui::properties::Leaf;
+use egui_kittest::kittest::NodeT;
+
+/// Roles that a user acts on.
+const CONTROLS: [Role; 13] = [
+    Role::Button,
+    Role::CheckBox,
+    Role::RadioButton,
+    Role::ComboBox,
+    Role::Slider,
+    Role::SpinButton,
+    Role::TextInput,
+    Role::Link,
+    Role::Tab,
+    Role::ListItem,
+    Role::MenuItem,
+    Role::Canvas,
+    Role::ColorWell,
+];
+
+/// The controls that have no name, as text.
+fn unnamed(window: &Window) -> Vec<String> {
+    let nodes = window.query_all_by(|node| CONTROLS.contains(&node.role()));
+    let named = |node: &egui_kittest::Node<'_>| {
+        let label = node.accesskit_node().label();
+        label.is_some_and(|l| !l.trim().is_empty())
+    };
+    nodes
+        .filter(|n| !named(n))
+        .map(|n| format!("{:?} at {:?}", n.accesskit_node().role(), n.rect()))
+        .collect()
+}
+
+fn assert_named(window: &Window, place: &str) {
+    let nodes = window.query_all_by(|node| CONTROLS.contains(&node.role()));
+    assert!(nodes.count() > 5, "{place}: the controls are found");
+    assert_eq!(unnamed(window), Vec::<String>::new(), "{place}");
+}
+
+#[test]
+fn every_control_of_the_window_has_a_name() {
+    let (mut window, _folder) = window();
+    assert_named(&window, "at the start");
+    for leaf in [Leaf::Brush, Leaf::Layer, Leaf::Document, Leaf::History] {
+        window.state_mut().properties.leaf = leaf;
+        for layer in 0..2 {
+            window.state_mut().desk.studio.select(layer);
+            window.run_steps(2);
+            assert_named(&window, &format!("{leaf:?} of layer {layer}"));
+        }
+    }
+    for kind in ToolKind::ALL {
+        window.state_mut().desk.hand.take(kind);
+        window.run_steps(2);
+        assert_named(&window, kind.name());
+    }
+    press(&mut window, "Y");
+    assert_named(&window, "two models");
+    window.state_mut().properties.leaf = Leaf::Layer;
+    press(&mut window, "Ctrl+Shift+G");
+    window.run_steps(2);
+    button(&window, "Ellipse");
+    window.run_steps(3);
+    assert_named(&window, "guides");
+}
+
+#[test]
+fn every_control_of_the_dialogs_has_a_name() {
+    for keys in ["Ctrl+N", "Ctrl+O", "Ctrl+P", "Ctrl+Shift+E", "Ctrl+,", "F1"] {
+        let (mut window, _folder) = window();
+        press(&mut window, keys);
+        window.run_steps(3);
+        assert!(window.state().dialog.is_some(), "{keys}");
+        assert_named(&window, keys);
+    }
+}
+
+#[test]
+fn the_keyboard_goes_from_control_to_control_and_comes_back() {
+    let (mut window, _folder) = window();
+    let focused = |w: &Window| w.ctx.memory(|m| m.focused());
+    press(&mut window, "F6");
+    let first = focused(&window);
+    assert!(first.is_some());
+    press(&mut window, "Tab");
+    let second = focused(&window);
+    assert!(second.is_some() && second != first, "Tab goes on");
+    assert!(window.state().desk.panels, "and hides nothing meanwhile");
+    // The tools stand one below the other: Space takes the second.
+    press(&mut window, "Space");
+    window.run_steps(2);
+    assert_eq!(window.state().desk.hand.kind(), ToolKind::ALL[1]);
+    press(&mut window, "Escape");
+    assert_eq!(focused(&window), None);
+}
