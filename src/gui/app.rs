@@ -806,7 +806,7 @@ impl App {
                     self.show_studio(studio);
                     self.desk.messages.news(format!(
                         "{} recovered; save to keep it",
-                        count(changes, "change")
+                        count(changes as usize, "change")
                     ));
                 }
             }

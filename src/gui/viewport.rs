@@ -14,7 +14,7 @@ use anisomap::studio::action::Action;
 use anisomap::studio::hand::ToolKind;
 use anisomap::studio::orbit::{Button, Drag, Orbit, Preset, turn_lights};
 use anisomap::studio::view::Probe;
-use anisomap::studio::{Edit, Header, Hit, Show};
+use anisomap::studio::{Hit, Show};
 use eframe::egui::{
     self, Align2, Color32, ColorImage, CornerRadius, Event, Modifiers, PointerButton, Pos2, Rect,
     Response, Role, Sense, TextureHandle, Ui, WidgetInfo, pos2, vec2,

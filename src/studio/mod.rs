@@ -243,12 +243,6 @@ impl Studio {
         &self.history
     }
 
-    /// Gives undo another memory, bytes; what is over it is forgotten, the oldest first.
-    pub fn set_undo_bytes(&mut self, bytes: usize) {
-        self.options.undo_bytes = bytes;
-        self.history.set_budget(bytes);
-    }
-
     /// The composite map as it is shown: that of the recipe, or while work goes on in the background an older one.
     pub fn map(&self) -> &AnisoMap {
         self.subject.map()

@@ -55,8 +55,10 @@ pub fn welcome() -> Result<RecipeFile> {
 }
 
 fn layer(name: &str, strokes: Vec<Arc<Stroke>>) -> Layer {
-    let mut source = Strokes::default();
-    source.strokes = strokes;
+    let source = Strokes {
+        strokes,
+        mesh: None,
+    };
     Layer {
         name: name.to_owned(),
         ..Layer::new(Source::Strokes(source))
