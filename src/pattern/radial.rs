@@ -194,13 +194,18 @@ impl Rings {
         value: &mut [f32],
     ) {
         let level = level();
+        let (extent, size) = (self.surface.extent(), self.surface.size);
+        let (w, h) = (size.width() as f32, size.height() as f32);
+        let once = self.period == f32::MAX;
         for_chunks(run.width, run.height, |column, row, n, offset| {
-            for i in 0..n {
-                let p = self
-                    .surface
-                    .position(run.x + column + i as u32, run.y + row)
-                    - self.center;
-                (chunk.a[i], chunk.b[i]) = (p.x - self.period * (p.x / self.period).round(), p.y);
+            let first = (run.x + column) as i32;
+            let y = (1.0 - ((run.y + row) as f32 + 0.5) / h) * extent.y - self.center.y;
+            for (i, a) in chunk.a[..n].iter_mut().enumerate() {
+                *a = ((first + i as i32) as f32 + 0.5) / w * extent.x - self.center.x;
+            }
+            chunk.b[..n].fill(y);
+            for a in chunk.a[..n].iter_mut().filter(|_| !once) {
+                *a -= self.period * (*a / self.period).round();
             }
             dispatch!(level, simd => to_polar(simd, self, chunk, n));
             self.streaks.fill(chunk, n, out, value, at + offset);
