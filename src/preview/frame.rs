@@ -16,7 +16,7 @@ use super::prepared::{Prepared, cull};
 use super::shade::{Desk, Lines};
 use super::{Look, Material, Picture, Quality, SAMPLES_MAX, Scene, Stage, Timings, sample_grid};
 use crate::error::Result;
-use crate::map::{AnisoMap, Rect, Size};
+use crate::map::{AnisoMap, Rect, Size, gathered};
 use crate::math;
 use crate::progress::Progress;
 use crate::raster::{Corners, Cull, Fragments, Plan, Tile, View};
@@ -24,6 +24,9 @@ use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::Vec2;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Samples of a picture whose visibility is kept: six bytes each. Larger ones are drawn whole every time.
 const KEPT_MAX: u64 = 1 << 26;
@@ -63,7 +66,20 @@ struct Kept {
     outlines: bool,
     /// The parts of the map that each tile sees; worked out when the map first changes.
     reaches: Option<Reaches>,
+    owed: Option<Owed>,
 }
+
+/// What a drawing with a limit left to the next one.
+struct Owed {
+    /// Where the map changed.
+    changes: Vec<Rect>,
+    /// The tiles that are still as before, and those of the outline.
+    tiles: Vec<bool>,
+    outline: Vec<bool>,
+}
+
+/// Tiles that are lit whatever the time.
+const TILES_AT_LEAST: usize = 64;
 
 /// What the picture was lit with.
 struct Shown {
@@ -113,6 +129,28 @@ impl Frame {
         timings: &Timings,
         progress: &Progress<'_>,
     ) -> Result<Redrawn> {
+        self.draw_within(None, subject, scene, look, timings, progress)
+    }
+
+    /// Whether [`Frame::draw_within`] left pixels as they were before a change of the map.
+    pub fn is_behind(&self) -> bool {
+        self.kept.as_ref().is_some_and(|k| k.owed.is_some())
+    }
+
+    /// As [`Frame::draw`], but where the map changed only for about so long: what then still shows the map before is lit by the
+    /// next call.
+    ///
+    /// # Errors
+    /// As [`Frame::draw`].
+    pub fn draw_within(
+        &mut self,
+        limit: Option<Duration>,
+        subject: &Prepared<'_>,
+        scene: &Scene,
+        look: Look,
+        timings: &Timings,
+        progress: &Progress<'_>,
+    ) -> Result<Redrawn> {
         scene.check()?;
         let grid = sample_grid(self.picture.size(), scene.samples)?;
         let view = View::new(&scene.camera, grid)?;
@@ -146,13 +184,16 @@ impl Frame {
                 progress,
             };
             match dirty {
-                Some([]) => Redrawn::Nothing,
+                Some([]) if kept.owed.is_none() => Redrawn::Nothing,
                 Some(rects) => {
-                    let (tiles, touched) = job.relight_some(kept, rects, &mut self.picture)?;
+                    let until = limit.map(|limit| Instant::now() + limit);
+                    let picture = &mut self.picture;
+                    let (tiles, touched) = job.relight_some(kept, rects, picture, until)?;
                     self.touched = touched;
                     Redrawn::Tiles(tiles)
                 }
                 None => {
+                    kept.owed = None;
                     job.relight(kept, &mut self.picture)?;
                     Redrawn::Light
                 }
@@ -282,6 +323,7 @@ impl Job<'_> {
             outline,
             outlines: scene.quality.outlines,
             reaches: None,
+            owed: None,
         })
     }
 
@@ -325,56 +367,97 @@ impl Job<'_> {
         )
     }
 
-    /// Lights the pixels that see any of some rectangles of the map, counts the tiles where such may be, and gives them
-    /// and those of outlines in pixels.
+    /// Lights the pixels that see any of some rectangles of the map, or that a call before left, counts the tiles where such may
+    /// be, and gives them and those of outlines in pixels. Past a point in time the rest is left.
     fn relight_some(
         &self,
         kept: &mut Kept,
         rects: &[Rect],
         picture: &mut Picture,
+        until: Option<Instant>,
     ) -> Result<(usize, Vec<Rect>)> {
         let (map, mips) = (self.subject.map(), self.scene.quality.mips);
         if kept.reaches.as_ref().is_none_or(|r| r.mips != mips) {
             kept.reaches = Some(self.reaches(kept)?);
         }
-        let changed: Vec<[(f32, f32); 2]> = rects.iter().map(|r| sides(*r, map.size())).collect();
+        let owed = kept.owed.take();
         let mut cells = Cells::default();
-        for [across, down] in &changed {
-            cells.add(*across, *down);
+        for rect in rects {
+            let [across, down] = sides(*rect, map.size());
+            cells.add(across, down);
         }
+        let mut changes = rects.to_vec();
+        changes.extend(owed.iter().flat_map(|o| &o.changes));
+        let changed: Vec<_> = changes.iter().map(|r| sides(*r, map.size())).collect();
+        let was_left = |list: fn(&Owed) -> &Vec<bool>, i: usize| {
+            owed.as_ref().is_some_and(|o| list(o).get(i) == Some(&true))
+        };
         let reaches = kept.reaches.as_ref().expect("just made");
-        let touched: Vec<bool> = reaches.tiles.iter().map(|r| r.meets(&cells)).collect();
+        let tiles = reaches.tiles.iter().enumerate();
+        let touched: Vec<bool> = tiles
+            .map(|(i, r)| r.meets(&cells) || was_left(|o| &o.tiles, i))
+            .collect();
         let samples = kept.samples;
         let shader = self.subject.shader(self.scene, picture.size(), self.look);
+        let lit = Mutex::new(vec![false; touched.len()]);
+        let count = AtomicUsize::new(0);
+        let is_time = || until.is_none_or(|until| Instant::now() < until);
         self.each_kept(
             kept,
             picture,
-            |i| touched[i],
+            |i| {
+                let wanted = touched[i]
+                    && (count.fetch_add(1, Ordering::Relaxed) < TILES_AT_LEAST || is_time());
+                if wanted {
+                    lit.lock().unwrap_or_else(PoisonError::into_inner)[i] = true;
+                }
+                wanted
+            },
             |tile, desk, lines| {
                 let wanted = reaching(map, &desk.fragments, mips, &changed);
                 keep_pixels(&mut desk.fragments, tile, samples, &wanted);
                 shader.pixels_of_fragments(tile, desk, lines, self.timings);
             },
         )?;
+        let lit = lit.into_inner().unwrap_or_else(PoisonError::into_inner);
         let pixels = |rect: Rect, samples: u32| Rect {
             x: rect.x / samples,
             y: rect.y / samples,
             width: rect.width / samples,
             height: rect.height / samples,
         };
-        let tiles = kept.tiles.iter().zip(&touched).filter(|(_, t)| **t);
+        let tiles = kept.tiles.iter().zip(&lit).filter(|(_, t)| **t);
         let mut rects: Vec<Rect> = tiles.map(|(tile, _)| pixels(tile.rect, samples)).collect();
-        let count = rects.len();
+        let done = rects.len();
+        let left: Vec<bool> = touched
+            .iter()
+            .zip(&lit)
+            .map(|(t, lit)| *t && !lit)
+            .collect();
+        let mut left_outline = Vec::new();
         if let Some(outline) = &mut kept.outline {
             // Pixels that were lit with few samples just now, and those whose many samples see the change.
-            let near = outline.near(&touched, samples);
+            let near = outline.near(&lit, samples);
             let reaches = &kept.reaches.as_ref().expect("made above").outline;
-            let is_wanted = |i: usize| near[i] || reaches[i].meets(&cells);
-            self.light_outline(outline, picture, is_wanted)?;
-            let lit = outline.rects().enumerate().filter(|(i, _)| is_wanted(*i));
-            rects.extend(lit.map(|(_, rect)| pixels(rect, SAMPLES_MAX)));
+            let wanted: Vec<bool> = (0..near.len())
+                .map(|i| near[i] || reaches[i].meets(&cells) || was_left(|o| &o.outline, i))
+                .collect();
+            if is_time() || done < TILES_AT_LEAST {
+                self.light_outline(outline, picture, |i| wanted[i])?;
+                let lit = outline.rects().zip(&wanted).filter(|(_, wanted)| **wanted);
+                rects.extend(lit.map(|(rect, _)| pixels(rect, SAMPLES_MAX)));
+            } else {
+                left_outline = wanted;
+            }
         }
-        Ok((count, rects))
+        if left.contains(&true) || left_outline.contains(&true) {
+            kept.owed = Some(Owed {
+                changes: gathered(&changes),
+                tiles: left,
+                outline: left_outline,
+            });
+        }
+        Ok((done, rects))
     }
 
     /// Calls `light` for the tiles that are wanted, with their fragments on the desk.

@@ -643,7 +643,7 @@ fn a_frame_does_no_more_than_what_changed_and_is_always_the_whole_picture() {
         assert_eq!(studio.check(&mut frame, &prepared, WARD), Redrawn::Light);
     }
     // More than is remembered.
-    for i in 0..65 {
+    for i in 0..257 {
         paint(&mut prepared, dab(i, i, 1, 1));
     }
     assert_eq!(studio.check(&mut frame, &prepared, WARD), Redrawn::Light);
@@ -674,4 +674,46 @@ fn a_frame_does_no_more_than_what_changed_and_is_always_the_whole_picture() {
     let cancelled = frame.draw(&other, &studio.scene, WARD, &off, &Progress::new(&stop));
     assert!(matches!(cancelled, Err(Error::Cancelled)));
     assert_eq!(studio.check(&mut frame, &other, WARD), Redrawn::Light);
+}
+
+#[test]
+fn what_a_limit_leaves_is_lit_by_the_next_drawings() {
+    let studio = Studio::new();
+    let map = AnisoMap::constant(
+        size(256, 256),
+        Wrap::Repeat,
+        constant(0.1, 0.4, 20.0).texel_at(0),
+    );
+    let (off, none) = (Timings::off(), Progress::none());
+    let mut prepared = Prepared::new(&studio.mesh, map, studio.material, &off).unwrap();
+    let all = size(700, 600);
+    let mut frame = Frame::new(all);
+    let draw = |frame: &mut Frame, prepared: &Prepared<'_>| {
+        let limit = Some(std::time::Duration::ZERO);
+        frame
+            .draw_within(limit, prepared, &studio.scene, WARD, &off, &none)
+            .unwrap()
+    };
+    draw(&mut frame, &prepared);
+    assert!(!frame.is_behind(), "the first picture is whole");
+    let mut drawings = 0;
+    for k in 0..3 {
+        let rect = Rect {
+            x: 60 * k,
+            y: 20 * k,
+            width: 100,
+            height: 200,
+        };
+        paint(&mut prepared, rect);
+        draw(&mut frame, &prepared);
+        assert!(frame.is_behind(), "there are more than 64 tiles");
+    }
+    while frame.is_behind() {
+        draw(&mut frame, &prepared);
+        drawings += 1;
+        assert!(drawings < 20);
+    }
+    let looks = [WARD];
+    let anew = prepared.render(&studio.scene, &looks, all, &off, &none);
+    assert!(*frame.picture() == anew.unwrap()[0]);
 }

@@ -73,6 +73,9 @@ pub struct Quality {
 /// Stages of refinement: samples along a pixel's side, and whether that is the reference.
 const STAGES: [(u32, bool); 3] = [(2, false), (4, false), (REFERENCE_SAMPLES, true)];
 
+/// How long pixels that show a change of the map are lit before the rest is left to the next drawing.
+const RELIGHT: Duration = Duration::from_millis(14);
+
 /// The 3D picture.
 pub struct Viewport {
     size: Size,
@@ -218,13 +221,15 @@ impl Viewport {
         self.frames.resize_with(looks.len(), || Frame::new(panel));
         let mut whole = self.drawn.is_none() || self.quality.samples != 1 || moves;
         let mut dirty = Vec::new();
+        let share = looks.len() as u32;
         for (i, (frame, look)) in self.frames.iter_mut().zip(looks).enumerate() {
             let off = i as u32 * panel.width();
             if moves {
                 frame.draft(subject, &scene, look, timings, &Progress::none())?;
                 continue;
             }
-            match frame.draw(subject, &scene, look, timings, &Progress::none())? {
+            let limit = Some(RELIGHT / share);
+            match frame.draw_within(limit, subject, &scene, look, timings, &Progress::none())? {
                 Redrawn::Nothing => {}
                 Redrawn::Tiles(_) => {
                     dirty.extend(frame.touched().iter().map(|r| Rect { x: r.x + off, ..*r }));
@@ -328,6 +333,11 @@ impl Viewport {
             self.stop_refining();
         }
         Ok(true)
+    }
+
+    /// Whether pixels still show the map before its last change: the next [`Viewport::draw`] goes on with them.
+    pub fn is_behind(&self) -> bool {
+        self.frames.iter().any(Frame::is_behind)
     }
 
     /// Whether a better picture is on its way.
