@@ -228,6 +228,7 @@ fn windows_that_start_together_take_nothing_from_each_other() {
         for n in 0..2000 {
             let mut journal = Journal::begin(folder.path(), &base).expect("a journal");
             let edit = Edit::AddStroke {
+                mask: false,
                 layer: 0,
                 stroke: stroke(n),
             };
@@ -253,7 +254,11 @@ fn long_journal(folder: &Path, strokes: u32, drags: u32) {
     let mut journal = Journal::begin(folder, &base).expect("a journal");
     for n in 0..strokes {
         let stroke = stroke(n);
-        let edit = Edit::AddStroke { layer: 0, stroke };
+        let edit = Edit::AddStroke {
+            layer: 0,
+            mask: false,
+            stroke,
+        };
         journal.write(&edit).expect("room");
     }
     let file = RecipeFile::parse(TEXT, "t.toml", None).expect("a recipe");

@@ -9,7 +9,7 @@ use super::solid;
 use super::trail::Piece;
 use super::{Stroke, Strokes};
 use crate::error::{Error, Result};
-use crate::map::{Rect, Region};
+use crate::map::{DEFAULT_TEXEL, Rect, Region};
 use crate::pattern::Surface;
 use crate::progress::Progress;
 use glam::{IVec2, Vec2, Vec3};
@@ -374,6 +374,35 @@ impl Painting {
         self.plain(done..range.end, rect, view);
     }
 
+    /// How much of each texel of a rectangle the strokes have touched, in row order: goes on from what `coverage` holds.
+    ///
+    /// # Panics
+    /// When `coverage` is of another length.
+    pub fn cover(&self, rect: Rect, coverage: &mut [f32]) {
+        assert_eq!(coverage.len(), rect.texels(), "a number for each texel");
+        if !self.touches(self.len(), rect) {
+            return;
+        }
+        // Coverage does not depend on what is painted over, nor on what a stroke sees around itself.
+        let ground = Region::constant(rect, DEFAULT_TEXEL);
+        let mut now = ground.clone();
+        let mut view = View::of(&mut now, &ground, coverage);
+        let mut covered = Cover::new(IVec2::ZERO);
+        for tile in self.tiles_of(rect) {
+            let Some(part) = self.rect_of(tile).intersection(rect) else {
+                continue;
+            };
+            for run in self.tiles[tile].chunk_by(|a, b| a.stroke == b.stroke) {
+                let laid = &self.strokes[run[0].stroke as usize];
+                self.cover_tile(laid, run, tile, part, &mut covered);
+                if !covered.is_empty() {
+                    let below = view.below;
+                    apply(laid.work, &covered, part, &mut view, below);
+                }
+            }
+        }
+    }
+
     /// Strokes that need each texel alone, band by band and tile by tile.
     fn plain(&self, range: Range<usize>, rect: Rect, view: View<'_>) {
         if range.is_empty() {
@@ -415,7 +444,7 @@ impl Painting {
             if laid.looks() {
                 continue; // it has its turn in `paint`
             }
-            self.cover(laid, run, tile, rect, cover);
+            self.cover_tile(laid, run, tile, rect, cover);
             if !cover.is_empty() {
                 let below = view.below;
                 apply(laid.work, cover, rect, view, below);
@@ -434,7 +463,7 @@ impl Painting {
     }
 
     /// What a stroke covers in the part `rect` of a tile.
-    fn cover(&self, laid: &Laid, run: &[Entry], tile: usize, rect: Rect, cover: &mut Cover) {
+    fn cover_tile(&self, laid: &Laid, run: &[Entry], tile: usize, rect: Rect, cover: &mut Cover) {
         let whole = self.rect_of(tile);
         cover.clear(IVec2::new(whole.x as i32, whole.y as i32));
         if laid.stroke.brush().tool.is_everywhere() {
@@ -476,7 +505,7 @@ impl Painting {
             };
             let from = entries.partition_point(|e| (e.stroke as usize) < n);
             let to = entries.partition_point(|e| e.stroke as usize <= n);
-            self.cover(laid, &entries[from..to], tile, part, &mut cover);
+            self.cover_tile(laid, &entries[from..to], tile, part, &mut cover);
             apply(laid.work, &cover, part, view, mean.planes());
         }
     }

@@ -41,16 +41,12 @@ pub struct Above {
 impl Above {
     /// Bytes that it holds, about.
     pub fn bytes(&self) -> usize {
-        let of = |sheet: &Sheet| {
-            let numbers = 4 * sheet.texels.rect().texels();
-            let more = sheet.coverage.as_ref().map_or(0, Vec::len);
-            let weight = match &sheet.weight {
-                Weight::Even(_) => 0,
-                Weight::Each(weight) => weight.len(),
-            };
-            4 * (numbers + more + weight)
-        };
-        self.sheets.iter().flatten().map(of).sum::<usize>() + 64
+        self.sheets
+            .iter()
+            .flatten()
+            .map(Sheet::bytes)
+            .sum::<usize>()
+            + 64
     }
 }
 
@@ -66,6 +62,31 @@ struct Sheet {
 enum Weight {
     Even(f32),
     Each(Vec<f32>),
+}
+
+impl Sheet {
+    fn bytes(&self) -> usize {
+        let numbers = 4 * self.texels.rect().texels();
+        let more = self.coverage.as_ref().map_or(0, Vec::len);
+        let weight = match &self.weight {
+            Weight::Even(_) => 0,
+            Weight::Each(weight) => weight.len(),
+        };
+        4 * (numbers + more + weight)
+    }
+}
+
+/// A layer without its mask, and what lies below it; see [`Prepared::unmasked`].
+pub struct Unmasked {
+    below: Region,
+    sheet: Sheet,
+}
+
+impl Unmasked {
+    /// Bytes that it holds, about.
+    pub fn bytes(&self) -> usize {
+        16 * self.below.rect().texels() + self.sheet.bytes()
+    }
 }
 
 /// A recipe prepared for one size. Cloning copies references only.
@@ -113,6 +134,10 @@ struct PreparedMask {
 }
 
 enum Weights {
+    Painted {
+        painting: Painting,
+        start: f32,
+    },
     Value {
         source: Box<dyn Fill>,
         low: f32,
@@ -198,7 +223,7 @@ impl Recipe {
         let shown = self.layers.iter().filter(|l| l.visible && l.opacity > 0.0);
         let drawn = shown
             .filter_map(|l| l.mask.as_ref())
-            .filter(|m| !matches!(m.source, MaskSource::Pattern(_)));
+            .filter(|m| m.source.is_drawn());
         let sizes: Vec<u64> = drawn
             .map(|m| DrawnMask::bytes(surface.size, feather_texels(m, surface)))
             .collect();
@@ -225,9 +250,9 @@ fn feather_texels(mask: &Mask, surface: &Surface) -> Vec2 {
     Vec2::splat(mask.feather.unwrap_or(0.0)) / surface.texel()
 }
 
-/// The mesh that a layer's strokes lie on, where any does.
+/// The mesh that the strokes of the table `at` lie on, where any does.
 fn skin(
-    i: usize,
+    at: &str,
     strokes: &Strokes,
     mesh: Option<&str>,
     surface: &Surface,
@@ -236,7 +261,7 @@ fn skin(
     if !strokes.need_mesh() {
         return Ok(None);
     }
-    let key = format!("layers.{i}.strokes.mesh");
+    let key = format!("{at}.mesh");
     let (key, word) = match (&strokes.mesh, mesh) {
         (Some(word), _) => (key, word.as_str()),
         (None, Some(word)) => ("mesh".to_owned(), word),
@@ -276,7 +301,7 @@ fn prepare_layer(
     };
     let alike = || before.iter().filter(|old| old.of.surface == own);
     let source = alike().find(|old| old.of.source == of.source && old.of.mesh == of.mesh);
-    let mask = alike().find(|old| old.of.mask == of.mask);
+    let mask = alike().find(|old| old.of.mask == of.mask && old.of.mesh == of.mesh);
     let (source, mended) = match source {
         Some(old) => (old.source.clone(), old.mended),
         None => prepare_source(at, &layer.source, (&own, mesh), files, progress)?,
@@ -286,7 +311,14 @@ fn prepare_layer(
         (None, None) => None,
         (None, Some(mask)) => {
             progress.check()?;
-            Some(Arc::new(prepare_mask(mask, &own)?))
+            let key = format!("layers.{at}.mask");
+            Some(Arc::new(prepare_mask(
+                &key,
+                mask,
+                (&own, mesh),
+                files,
+                progress,
+            )?))
         }
     };
     Ok(PreparedLayer {
@@ -323,17 +355,30 @@ fn prepare_source(
             Arc::new(guides.prepare(own, progress).map_err(at)?)
         }
         Source::Strokes(strokes) => {
-            let skin = skin(at, strokes, mesh, own, files)?;
-            let painting = Painting::new(own, strokes, skin, progress)
-                .map_err(below(format!("{key}.strokes")))?;
+            let key = format!("{key}.strokes");
+            let skin = skin(&key, strokes, mesh, own, files)?;
+            let painting = Painting::new(own, strokes, skin, progress).map_err(below(key))?;
             return Ok((PreparedSource::Strokes(Arc::new(painting)), mended));
         }
     };
     Ok((PreparedSource::Fill(fill), mended))
 }
 
-fn prepare_mask(mask: &Mask, surface: &Surface) -> Result<PreparedMask> {
+fn prepare_mask(
+    at: &str,
+    mask: &Mask,
+    (surface, mesh): (&Surface, Option<&str>),
+    files: &Files,
+    progress: &Progress<'_>,
+) -> Result<PreparedMask> {
     let source = match &mask.source {
+        MaskSource::Strokes(strokes) => {
+            let skin = skin(&format!("{at}.strokes"), strokes, mesh, surface, files)?;
+            Weights::Painted {
+                painting: Painting::new(surface, strokes, skin, progress)?,
+                start: mask.start.unwrap_or(0.0),
+            }
+        }
         MaskSource::Pattern(p) => {
             let seed = mask
                 .seed
@@ -346,7 +391,7 @@ fn prepare_mask(mask: &Mask, surface: &Surface) -> Result<PreparedMask> {
             }
         }
         shape => {
-            let outline = shape.outline().expect("no pattern")?;
+            let outline = shape.outline().expect("a shape")?;
             Weights::Drawn(DrawnMask::draw(
                 &outline,
                 surface.size,
@@ -510,21 +555,95 @@ impl Prepared {
             painted.rect()
         );
         let mut scratch = Scratch::default();
+        let painted_on = self.layers.iter().find(|l| l.at == at);
+        match painted_on {
+            Some(layer) if layer.is_plain() => region.copy_from(painted),
+            Some(layer) => layer.lay(painted, &mut region.view_mut(), &mut scratch),
+            None => {}
+        }
+        self.go_above(at, rect, region, above, &mut scratch);
+    }
+
+    /// The layer `at` without its mask and what lies below it, in a rectangle, made once for many [`Prepared::fill_masked`].
+    /// Where it does not show there is nothing of it.
+    ///
+    /// # Panics
+    /// When the rectangle reaches outside the map.
+    pub fn unmasked(&self, at: usize, rect: Rect) -> Unmasked {
+        self.assert_inside(rect);
+        let mut scratch = Scratch::default();
+        let n = self.layers.partition_point(|l| l.at < at);
+        let layer = self.layers.get(n).filter(|l| l.at == at);
+        let needs = layer.map_or(rect, |l| l.needs(rect));
+        let mut under = Region::constant(needs, DEFAULT_TEXEL);
+        composite(&self.layers[..n], &mut under.view_mut(), &mut scratch);
+        let sheet = match layer {
+            None => Sheet {
+                texels: under.crop(rect),
+                coverage: None,
+                weight: Weight::Even(0.0),
+            },
+            Some(layer) => match &layer.source {
+                PreparedSource::Fill(source) => layer.own_sheet(&**source, rect, &mut scratch),
+                PreparedSource::Strokes(painting) => Sheet {
+                    texels: painted_over(painting, rect, &under).crop(rect),
+                    coverage: None,
+                    weight: Weight::Even(layer.opacity),
+                },
+            },
+        };
+        Unmasked {
+            below: under.crop(rect),
+            sheet,
+        }
+    }
+
+    /// The composite of a rectangle with another mask of the layer `at`, given in row order before it is inverted: as
+    /// [`Prepared::fill`] of a recipe with that mask, but for layers of strokes above that look around themselves: they are left
+    /// out. `layer` holds the rectangle.
+    ///
+    /// # Panics
+    /// When `layer` does not hold the rectangle, or the mask is of another length.
+    pub fn fill_masked(
+        &self,
+        at: usize,
+        layer: &Unmasked,
+        mask: &[f32],
+        rect: Rect,
+        above: Option<&Above>,
+    ) -> Region {
+        assert_eq!(mask.len(), rect.texels(), "a number for each texel");
+        let mut region = layer.below.crop(rect);
+        let mut scratch = Scratch::default();
+        if let Some(prepared) = self.layers.iter().find(|l| l.at == at) {
+            prepared.lay_masked(&layer.sheet, mask, &mut region, &mut scratch);
+        }
+        self.go_above(at, rect, &mut region, above, &mut scratch);
+        region
+    }
+
+    /// The layers above the layer `at`, and the recipe's adjustment, over a region.
+    fn go_above(
+        &self,
+        at: usize,
+        rect: Rect,
+        region: &mut Region,
+        above: Option<&Above>,
+        scratch: &mut Scratch,
+    ) {
         let mut sheets = above.map(|a| a.sheets.iter());
-        for (i, layer) in self.layers.iter().enumerate() {
-            if layer.at == at && layer.is_plain() {
-                region.copy_from(painted);
-            } else if layer.at == at {
-                layer.lay(painted, &mut region.view_mut(), &mut scratch);
-            } else if layer.at > at {
-                let sheet = sheets.as_mut().and_then(|s| s.next()?.as_ref());
-                if let Some(sheet) = sheet {
-                    layer.lay_sheet(sheet, &mut region.view_mut(), &mut scratch);
-                    continue;
-                }
-                let above = self.layers[i + 1..].iter().rev();
-                let part = above.fold(rect, |rect, layer| layer.needs(rect));
-                layer.go_over(part, region, &mut scratch);
+        let first = self.layers.partition_point(|l| l.at <= at);
+        for (i, layer) in self.layers.iter().enumerate().skip(first) {
+            let sheet = sheets.as_mut().and_then(|s| s.next()?.as_ref());
+            if let Some(sheet) = sheet {
+                layer.lay_sheet(sheet, &mut region.view_mut(), scratch);
+                continue;
+            }
+            let above = self.layers[i + 1..].iter().rev();
+            let part = above.fold(rect, |rect, layer| layer.needs(rect));
+            let needs = layer.needs(part);
+            if region.rect().intersection(needs) == Some(needs) {
+                layer.go_over(part, region, scratch);
             }
         }
         if let Some(adjust) = &self.adjust {
@@ -799,29 +918,44 @@ impl PreparedLayer {
             });
         }
         source.fill(&mut scratch.patch(rect));
-        self.weigh(scratch);
-        let mut texels = Region::constant(rect, DEFAULT_TEXEL);
-        let planes = [
-            &mut texels.alpha_x,
-            &mut texels.alpha_y,
-            &mut texels.cos2,
-            &mut texels.sin2,
-        ];
-        for (to, from) in planes.into_iter().zip(&scratch.layer) {
-            to.copy_from_slice(from);
+        self.weigh(scratch, self.mask.is_some());
+        Some(made(rect, scratch))
+    }
+
+    /// What the layer of such a source lays without its mask.
+    fn own_sheet(&self, source: &dyn Fill, rect: Rect, scratch: &mut Scratch) -> Sheet {
+        scratch.resize(rect.texels());
+        source.fill(&mut scratch.patch(rect));
+        self.weigh(scratch, false);
+        made(rect, scratch)
+    }
+
+    /// Blends what was made of the layer without its mask over a region, which it holds, with another mask.
+    fn lay_masked(&self, sheet: &Sheet, mask: &[f32], region: &mut Region, scratch: &mut Scratch) {
+        let (rect, all) = (region.rect(), sheet.texels.rect());
+        let n = rect.width as usize;
+        let invert = self.mask.as_ref().is_some_and(|m| m.invert);
+        let t = &sheet.texels;
+        for (j, y) in (rect.y..rect.y + rect.height).enumerate() {
+            let (to, from) = (rect.index(rect.x, y), all.index(rect.x, y));
+            let from = from..from + n;
+            let shows = |w: f32| if invert { 1.0 - w } else { w };
+            let mask = mask[j * n..(j + 1) * n].iter().map(|w| shows(*w));
+            scratch.weight.clear();
+            match &sheet.weight {
+                Weight::Even(weight) => scratch.weight.extend(mask.map(|w| w * weight)),
+                Weight::Each(weight) => {
+                    let weights = weight[from.clone()].iter().zip(mask);
+                    scratch.weight.extend(weights.map(|(weight, w)| w * weight));
+                }
+            }
+            let row = Row {
+                planes: [&t.alpha_x, &t.alpha_y, &t.cos2, &t.sin2].map(|p| &p[from.clone()]),
+                coverage: sheet.coverage.as_ref().map(|c| &c[from.clone()]),
+                weight: &scratch.weight,
+            };
+            self.blend_row(&mut region.view_mut(), to, &row);
         }
-        let first = scratch.weight[0];
-        let even = scratch.weight.iter().all(|w| *w == first);
-        let whole = scratch.coverage.iter().all(|c| *c == 1.0);
-        Some(Sheet {
-            texels,
-            coverage: (!whole).then(|| scratch.coverage.clone()),
-            weight: if even {
-                Weight::Even(first)
-            } else {
-                Weight::Each(scratch.weight.clone())
-            },
-        })
     }
 
     /// Blends what was made of the layer over a region, which it holds.
@@ -888,24 +1022,21 @@ impl PreparedLayer {
     }
 
     /// Makes coverage times mask times opacity of the mask's weights in the scratch.
-    fn weigh(&self, scratch: &mut Scratch) {
-        match &self.mask {
-            Some(_) => {
-                for (w, c) in scratch.weight.iter_mut().zip(&scratch.coverage) {
-                    *w *= c * self.opacity;
-                }
+    fn weigh(&self, scratch: &mut Scratch, is_masked: bool) {
+        if is_masked {
+            for (w, c) in scratch.weight.iter_mut().zip(&scratch.coverage) {
+                *w *= c * self.opacity;
             }
-            None => {
-                for (w, c) in scratch.weight.iter_mut().zip(&scratch.coverage) {
-                    *w = c * self.opacity;
-                }
+        } else {
+            for (w, c) in scratch.weight.iter_mut().zip(&scratch.coverage) {
+                *w = c * self.opacity;
             }
         }
     }
 
     /// Blends what the scratch holds of the layer over a tile of the region below.
     fn blend_tile(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch) {
-        self.weigh(scratch);
+        self.weigh(scratch, self.mask.is_some());
         let n = tile.width as usize;
         for (j, y) in (tile.y..tile.y + tile.height).enumerate() {
             let (to, from) = (region.rect.index(tile.x, y), j * n..(j + 1) * n);
@@ -936,6 +1067,32 @@ impl PreparedLayer {
         for (i, texel) in partly {
             region.set(to + i, texel);
         }
+    }
+}
+
+/// The sheet of what the scratch holds of a layer.
+fn made(rect: Rect, scratch: &Scratch) -> Sheet {
+    let mut texels = Region::constant(rect, DEFAULT_TEXEL);
+    let planes = [
+        &mut texels.alpha_x,
+        &mut texels.alpha_y,
+        &mut texels.cos2,
+        &mut texels.sin2,
+    ];
+    for (to, from) in planes.into_iter().zip(&scratch.layer) {
+        to.copy_from_slice(from);
+    }
+    let first = scratch.weight[0];
+    let even = scratch.weight.iter().all(|w| *w == first);
+    let whole = scratch.coverage.iter().all(|c| *c == 1.0);
+    Sheet {
+        texels,
+        coverage: (!whole).then(|| scratch.coverage.clone()),
+        weight: if even {
+            Weight::Even(first)
+        } else {
+            Weight::Each(scratch.weight.clone())
+        },
     }
 }
 
@@ -1036,6 +1193,10 @@ impl PreparedMask {
     fn fill(&self, tile: Rect, scratch: &mut Scratch) {
         match &self.source {
             Weights::Drawn(mask) => mask.fill(tile, &mut scratch.weight),
+            Weights::Painted { painting, start } => {
+                scratch.weight.fill(*start);
+                painting.cover(tile, &mut scratch.weight);
+            }
             Weights::Value { source, low, high } => {
                 source.fill(&mut scratch.patch(tile));
                 for (w, v) in scratch.weight.iter_mut().zip(&scratch.value) {

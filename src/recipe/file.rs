@@ -182,9 +182,14 @@ impl RecipeFile {
         let named = self.recipe.layers.iter().flat_map(|l| match &l.source {
             Source::Image(image) => vec![&image.file],
             Source::Stored(stored) => stored.files().collect(),
-            Source::Strokes(strokes) => strokes.mesh.iter().filter(|m| is_path(m)).collect(),
-            Source::Pattern(_) | Source::Guides(_) => vec![],
+            Source::Strokes(_) | Source::Pattern(_) | Source::Guides(_) => vec![],
         });
+        let strokes = self
+            .recipe
+            .layers
+            .iter()
+            .flat_map(super::Layer::all_strokes);
+        let named = named.chain(strokes.filter_map(|s| s.mesh.as_ref().filter(|m| is_path(m))));
         let mesh = self.recipe.mesh.as_ref().filter(|m| is_path(m));
         named.chain(mesh).any(|name| leaves_folder(name))
     }

@@ -1,7 +1,7 @@
 //! The files that a recipe names: only from its own folder, unless the user says otherwise. A recipe may come from a
 //! stranger, and must not make somebody's private picture part of a map that is passed on.
 
-use super::{Layer, Recipe, Source};
+use super::{Layer, Mask, MaskSource, Recipe, Source};
 use crate::error::{Error, Result};
 use std::path::{Component, Path, PathBuf};
 
@@ -135,8 +135,17 @@ impl Way {
         match &mut layer.source {
             Source::Image(image) => self.of_file(&mut image.file),
             Source::Stored(stored) => stored.files_mut().for_each(|name| self.of_file(name)),
-            Source::Strokes(strokes) => self.of_mesh(&mut strokes.mesh),
-            Source::Pattern(_) | Source::Guides(_) => {}
+            Source::Strokes(_) | Source::Pattern(_) | Source::Guides(_) => {}
+        }
+        for strokes in layer.all_strokes_mut() {
+            self.of_mesh(&mut strokes.mesh);
+        }
+    }
+
+    /// Renames the mesh that a painted mask lies on.
+    pub(crate) fn of_mask(&self, mask: &mut Mask) {
+        if let MaskSource::Strokes(strokes) = &mut mask.source {
+            self.of_mesh(&mut strokes.mesh);
         }
     }
 

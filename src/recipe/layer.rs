@@ -183,6 +183,9 @@ pub struct Mask {
     /// How wide the edge of a polygon or path fades, in surface units; 0 to 1. Default 0. Shapes only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub feather: Option<f32>,
+    /// The weight before the first stroke, 0 to 1. Default 0. Strokes only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<f32>,
     /// The pattern's own seed. Default: made of the layer's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
@@ -200,6 +203,8 @@ pub enum MaskSource {
     Polygon(Vec<Vec2>),
     /// The inside (nonzero rule) of SVG path data in UV units, v up.
     Path(String),
+    /// What strokes cover: each adds its coverage, erasing takes it away.
+    Strokes(Strokes),
 }
 
 impl Serialize for MaskSource {
@@ -210,6 +215,9 @@ impl Serialize for MaskSource {
                 serializer.serialize_newtype_variant("MaskSource", 1, "polygon", points)
             }
             Self::Path(data) => serializer.serialize_newtype_variant("MaskSource", 2, "path", data),
+            Self::Strokes(strokes) => {
+                serializer.serialize_newtype_variant("MaskSource", 3, "strokes", strokes)
+            }
         }
     }
 }
@@ -221,13 +229,19 @@ impl MaskSource {
             Self::Pattern(p) => p.name(),
             Self::Polygon(_) => "polygon",
             Self::Path(_) => "path",
+            Self::Strokes(_) => "strokes",
         }
     }
 
-    /// The outline of a polygon or path; `None` for a pattern.
+    /// Whether it is the inside of a shape.
+    pub(super) fn is_drawn(&self) -> bool {
+        matches!(self, Self::Polygon(_) | Self::Path(_))
+    }
+
+    /// The outline of a polygon or path; `None` for anything else.
     pub(super) fn outline(&self) -> Option<Result<Outline>> {
         match self {
-            Self::Pattern(_) => None,
+            Self::Pattern(_) | Self::Strokes(_) => None,
             Self::Polygon(points) => Some(Outline::from_polygon(points)),
             Self::Path(data) => Some(Outline::from_svg(data)),
         }
@@ -267,7 +281,45 @@ impl Layer {
 
     /// Whether any of it was painted on a mesh.
     pub fn needs_mesh(&self) -> bool {
-        matches!(&self.source, Source::Strokes(strokes) if strokes.need_mesh())
+        self.all_strokes().any(Strokes::need_mesh)
+    }
+
+    /// Its strokes, where it holds such, or those of its mask, where that is painted.
+    pub fn strokes(&self, of_mask: bool) -> Option<&Strokes> {
+        match (&self.source, self.mask.as_ref().map(|m| &m.source)) {
+            (_, Some(MaskSource::Strokes(strokes))) if of_mask => Some(strokes),
+            (Source::Strokes(strokes), _) if !of_mask => Some(strokes),
+            _ => None,
+        }
+    }
+
+    /// As [`Layer::strokes`], to be changed.
+    pub fn strokes_mut(&mut self, of_mask: bool) -> Option<&mut Strokes> {
+        match (&mut self.source, self.mask.as_mut().map(|m| &mut m.source)) {
+            (_, Some(MaskSource::Strokes(strokes))) if of_mask => Some(strokes),
+            (Source::Strokes(strokes), _) if !of_mask => Some(strokes),
+            _ => None,
+        }
+    }
+
+    /// Its own strokes and those of its mask.
+    pub(super) fn all_strokes(&self) -> impl Iterator<Item = &Strokes> {
+        [self.strokes(false), self.strokes(true)]
+            .into_iter()
+            .flatten()
+    }
+
+    /// As [`Layer::all_strokes`], to be changed.
+    pub(crate) fn all_strokes_mut(&mut self) -> impl Iterator<Item = &mut Strokes> {
+        let own = match &mut self.source {
+            Source::Strokes(strokes) => Some(strokes),
+            _ => None,
+        };
+        let of_mask = match self.mask.as_mut().map(|m| &mut m.source) {
+            Some(MaskSource::Strokes(strokes)) => Some(strokes),
+            _ => None,
+        };
+        own.into_iter().chain(of_mask)
     }
 
     /// The name that its randomness follows.
@@ -299,6 +351,7 @@ impl Mask {
             low: None,
             high: None,
             feather: None,
+            start: None,
             seed: None,
             source,
         }
@@ -326,15 +379,22 @@ impl Mask {
                 format!("allowed: less than `high`, which is {high}"),
             ));
         }
+        number(format!("{at}.start"), self.start.unwrap_or(0.0), 0.0..=1.0)?;
         let key = format!("{at}.{}", self.source.name());
+        if !matches!(self.source, MaskSource::Strokes(_)) {
+            self.refuse(at, [("start", self.start)], "strokes")?;
+        }
+        if !self.source.is_drawn() {
+            self.refuse(at, [("feather", self.feather)], "a polygon or path")?;
+        }
+        if !matches!(self.source, MaskSource::Pattern(_)) {
+            let thresholds = [("low", self.low), ("high", self.high)];
+            self.refuse(at, thresholds, "a pattern")?;
+        }
         match &self.source {
-            MaskSource::Pattern(p) => {
-                self.refuse(at, [("feather", self.feather)], "a polygon or path")?;
-                p.validate().map_err(below(key))
-            }
+            MaskSource::Pattern(p) => p.validate().map_err(below(key)),
+            MaskSource::Strokes(s) => s.check().map_err(below(key)),
             shape => {
-                let thresholds = [("low", self.low), ("high", self.high)];
-                self.refuse(at, thresholds, "a pattern")?;
                 let outline = shape.outline().expect("no pattern");
                 outline.map(drop).map_err(below(key))
             }
@@ -469,8 +529,8 @@ const LAYER_FIELDS: [&str; 8] = [
     "name", "visible", "opacity", "blend", "channels", "seed", "seed_of", "mask",
 ];
 pub(super) const LAYER_SOURCES: [&str; 4] = ["image", "stored", "strokes", "guides"];
-const MASK_FIELDS: [&str; 5] = ["invert", "low", "high", "feather", "seed"];
-const MASK_SOURCES: [&str; 2] = ["polygon", "path"];
+const MASK_FIELDS: [&str; 6] = ["invert", "low", "high", "feather", "start", "seed"];
+const MASK_SOURCES: [&str; 3] = ["polygon", "path", "strokes"];
 
 static LAYER_KEYS: LazyLock<Vec<&str>> =
     LazyLock::new(|| [&LAYER_FIELDS[..], &Pattern::NAMES, &LAYER_SOURCES].concat());
@@ -568,6 +628,7 @@ impl<'de> Visitor<'de> for MaskVisitor {
                 "low" => mask.low = Some(map.next_value()?),
                 "high" => mask.high = Some(map.next_value()?),
                 "feather" => mask.feather = Some(map.next_value()?),
+                "start" => mask.start = Some(map.next_value()?),
                 "seed" => mask.seed = Some(map.next_value::<Seed>()?.0),
                 name => {
                     if let Some(first) = &source {
@@ -576,6 +637,7 @@ impl<'de> Visitor<'de> for MaskVisitor {
                     source = Some(match name {
                         "polygon" => MaskSource::Polygon(map.next_value()?),
                         "path" => MaskSource::Path(map.next_value()?),
+                        "strokes" => MaskSource::Strokes(map.next_value()?),
                         pattern => MaskSource::Pattern(pattern_of(pattern, &mut map)?),
                     });
                 }

@@ -17,7 +17,7 @@ mod stamp;
 mod stored;
 mod update;
 
-pub use evaluate::{Above, Prepared};
+pub use evaluate::{Above, Prepared, Unmasked};
 pub(crate) use file::BYTES_MAX;
 pub use file::{RecipeFile, read_toml};
 pub(crate) use files::Way;

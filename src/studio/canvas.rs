@@ -58,8 +58,26 @@ struct Active {
     /// After all strokes.
     tiles: Tiles,
     kept: Kept,
-    /// The stroke in flight, and the tiles that it changed as they are with it.
-    live: Option<(Live, HashMap<u32, Tile>)>,
+    /// Where the mask of the layer is painted on and not the layer: what it hides and shows.
+    mask: Option<MaskOf>,
+    live: Option<Flight>,
+}
+
+/// A layer whose mask is painted on. Then tiles hold the mask as their coverage, over a ground that means nothing.
+struct MaskOf {
+    /// The mask before the first stroke.
+    start: f32,
+    /// The layer without its mask, and what lies below it.
+    layer: HashMap<u32, recipe::Unmasked>,
+}
+
+/// A stroke in flight.
+struct Flight {
+    live: Live,
+    /// The tiles that it changed, as they are with it.
+    tiles: HashMap<u32, Tile>,
+    /// Where it has changed more since.
+    behind: Parts,
 }
 
 /// Tiles as they were before and after strokes, as far as memory allows.
@@ -134,17 +152,18 @@ impl Canvas {
         &self.stack
     }
 
-    /// The number of the layer that is painted on.
-    pub(super) fn active(&self) -> Option<usize> {
-        self.active.as_ref().map(|a| a.at)
+    /// The number of the layer that is painted on, and whether it is its mask.
+    pub(super) fn active(&self) -> Option<(usize, bool)> {
+        self.active.as_ref().map(|a| (a.at, a.mask.is_some()))
     }
 
     /// Makes the layer `at`, which holds `strokes`, the one that is painted on, in a stack that is up to date; on a mesh, when
-    /// there is a skin. Tiles as they were before strokes may hold `budget` bytes.
+    /// there is a skin. Where there is a `mask` that strokes begin with, `strokes` are those of the layer's mask. Tiles as they
+    /// were before strokes may hold `budget` bytes.
     pub(super) fn activate(
         &mut self,
         stack: recipe::Prepared,
-        (at, strokes): (usize, &Strokes),
+        (at, strokes, mask): (usize, &Strokes, Option<f32>),
         skin: Option<Arc<Skin>>,
         budget: usize,
     ) -> Result<()> {
@@ -165,6 +184,10 @@ impl Canvas {
                 budget,
                 ..Kept::default()
             },
+            mask: mask.map(|start| MaskOf {
+                start,
+                layer: HashMap::new(),
+            }),
             live: None,
         });
         Ok(())
@@ -179,7 +202,9 @@ impl Canvas {
     pub(super) fn bytes(&self) -> usize {
         self.active.as_ref().map_or(0, |a| {
             let below = a.below.len() * (SIDE * SIDE * 16) as usize;
-            bytes_of(&a.tiles) + below + a.above_bytes + a.kept.bytes
+            let masked = a.mask.iter().flat_map(|m| m.layer.values());
+            let masked: usize = masked.map(recipe::Unmasked::bytes).sum();
+            bytes_of(&a.tiles) + below + masked + a.above_bytes + a.kept.bytes
         })
     }
 
@@ -191,21 +216,16 @@ impl Canvas {
     /// The tiles that rectangles meet, each with the part of it that they do.
     pub(super) fn parts(&self, rects: &[Rect]) -> Parts {
         let mut parts = Parts::new();
+        let size = self.stack.size();
         for rect in rects {
-            for number in numbers(self.columns(), *rect) {
-                let tile = tile_of(number, self.stack.size());
-                let Some(part) = tile.intersection(*rect) else {
-                    continue;
-                };
-                let whole = parts.entry(number).or_insert(part);
-                *whole = whole.hull(part);
+            for number in numbers(size.width().div_ceil(SIDE), *rect) {
+                if let Some(part) = tile_of(number, size).intersection(*rect) {
+                    let whole = parts.entry(number).or_insert(part);
+                    *whole = whole.hull(part);
+                }
             }
         }
         parts
-    }
-
-    fn columns(&self) -> u32 {
-        self.stack.size().width().div_ceil(SIDE)
     }
 
     /// The composite of parts of tiles as it is now, with the stroke in flight.
@@ -215,15 +235,18 @@ impl Canvas {
             let rects = parts.par_iter().map(|(_, rect)| *rect);
             return rects.map(|rect| stack.region(rect)).collect();
         };
-        if active.looks_over {
+        if active.looks_over && active.mask.is_none() {
+            active.fly(stack, None);
             let parts = parts.iter().map(|(_, rect)| *rect);
             return parts
                 .map(|rect| active.compose_around(stack, rect))
                 .collect();
         }
         let all: Vec<u32> = parts.iter().map(|(number, _)| *number).collect();
+        active.fly(stack, Some(&all));
         active.ensure_tiles(stack, &all, active.painting.len());
         active.ensure_above(stack, &all);
+        active.ensure_unmasked(stack, &all);
         let parts = parts.par_iter();
         parts
             .map(|(number, part)| active.compose(stack, *number, *part))
@@ -233,6 +256,7 @@ impl Canvas {
     /// How much of each texel of a rectangle the layer's strokes have touched, in row order; `None` when none is painted on.
     pub(super) fn coverage(&mut self, rect: Rect) -> Option<Vec<f32>> {
         let active = self.active.as_mut()?;
+        active.fly(&self.stack, None);
         active.ensure(&self.stack, rect, active.painting.len());
         Some(active.shown(rect).1)
     }
@@ -311,7 +335,11 @@ impl Canvas {
 
     /// The stroke in flight.
     pub(super) fn live(&self) -> Option<&Live> {
-        self.active.as_ref()?.live.as_ref().map(|(live, _)| live)
+        self.active
+            .as_ref()?
+            .live
+            .as_ref()
+            .map(|flight| &flight.live)
     }
 
     /// Begins a stroke in flight: on the mesh where there is a `skin`, or else in UV.
@@ -329,47 +357,33 @@ impl Canvas {
                 Some(skin) => Live::on_mesh(brush, seed, skin)?,
                 None => Live::new(brush, seed, &active.surface)?,
             };
-            active.live = Some((live, HashMap::new()));
+            active.live = Some(Flight {
+                live,
+                tiles: HashMap::new(),
+                behind: Parts::new(),
+            });
         }
         Ok(())
     }
 
-    /// Lets the stroke in flight go on; gives the rectangles outside which nothing changed.
+    /// Lets the stroke in flight go on; gives the rectangles outside which nothing changed. What it changes is made when somebody
+    /// looks.
     pub(super) fn go_on(&mut self, push: impl FnOnce(&mut Live) -> Vec<Rect>) -> Vec<Rect> {
-        let live = self.active.as_mut().and_then(|a| a.live.take());
-        let Some((mut live, mut tiles)) = live else {
-            return Vec::new();
-        };
-        let dirty = push(&mut live);
-        let parts: Vec<_> = self.parts(&dirty).into_iter().collect();
-        let Some(active) = &mut self.active else {
-            return Vec::new();
-        };
-        let numbers: Vec<u32> = parts.iter().map(|(number, _)| *number).collect();
-        active.ensure_tiles(&self.stack, &numbers, active.painting.len());
-        for (_, part) in &parts {
-            let needs = live.needs(*part);
-            if needs != *part {
-                active.ensure(&self.stack, needs, active.painting.len());
-            }
+        let flight = self.active.as_mut().and_then(|a| a.live.as_mut());
+        let dirty = flight.map_or_else(Vec::new, |f| push(&mut f.live));
+        let parts = self.parts(&dirty);
+        let flight = self.active.as_mut().and_then(|a| a.live.as_mut());
+        if let Some(flight) = flight {
+            add_parts(&mut flight.behind, &parts);
         }
-        let old: Vec<_> = parts
-            .into_iter()
-            .map(|(number, part)| (number, part, tiles.remove(&number)))
-            .collect();
-        let new: Vec<_> = old
-            .into_par_iter()
-            .map(|(number, part, tile)| (number, active.in_flight(number, part, &live, tile)))
-            .collect();
-        tiles.extend(new);
-        active.live = Some((live, tiles));
         dirty
     }
 
     /// Ends the stroke in flight: when it painted anything it is the layer's last from now on, with the texels that it has.
     pub(super) fn end(&mut self) -> Option<Arc<Stroke>> {
         let active = self.active.as_mut()?;
-        let (live, tiles) = active.live.take()?;
+        active.fly(&self.stack, None);
+        let Flight { live, tiles, .. } = active.live.take()?;
         let stroke = live.finish();
         if stroke.is_none() || tiles.is_empty() {
             return None;
@@ -387,8 +401,16 @@ impl Canvas {
         let Some(active) = &mut self.active else {
             return Vec::new();
         };
-        let tiles = active.live.take().map_or_else(HashMap::new, |l| l.1);
+        let tiles = active.live.take().map_or_else(HashMap::new, |l| l.tiles);
         tiles.keys().map(|n| active.rect_of(*n)).collect()
+    }
+}
+
+/// Adds parts of tiles to others.
+pub(super) fn add_parts(to: &mut Parts, parts: &Parts) {
+    for (number, part) in parts {
+        let whole = to.entry(*number).or_insert(*part);
+        *whole = whole.hull(*part);
     }
 }
 
@@ -463,11 +485,69 @@ impl Active {
             .filter(|number| !self.below.contains_key(number))
             .map(|number| {
                 let mut region = Region::constant(self.rect_of(*number), DEFAULT_TEXEL);
-                stack.fill_below(self.at, region.view_mut());
+                if self.mask.is_none() {
+                    stack.fill_below(self.at, region.view_mut());
+                }
                 (*number, Arc::new(region))
             })
             .collect();
         self.below.extend(made);
+    }
+
+    /// Makes the layer without its mask in some tiles, where its mask is painted on.
+    fn ensure_unmasked(&mut self, stack: &recipe::Prepared, numbers: &[u32]) {
+        let Some(mask) = &self.mask else { return };
+        let made: Vec<_> = numbers
+            .par_iter()
+            .filter(|number| !mask.layer.contains_key(number))
+            .map(|number| (*number, stack.unmasked(self.at, self.rect_of(*number))))
+            .collect();
+        if let Some(mask) = &mut self.mask {
+            // Made again when it is looked at again.
+            if (mask.layer.len() + made.len()) * (SIDE * SIDE * 36) as usize > ABOVE_BYTES {
+                let wanted: HashSet<u32> = numbers.iter().copied().collect();
+                mask.layer.retain(|number, _| wanted.contains(number));
+            }
+            mask.layer.extend(made);
+        }
+    }
+
+    /// Brings tiles up to date with the stroke in flight, or all.
+    fn fly(&mut self, stack: &recipe::Prepared, numbers: Option<&[u32]>) {
+        let Some(mut flight) = self.live.take() else {
+            return;
+        };
+        let parts: Vec<(u32, Rect)> = match numbers {
+            None => std::mem::take(&mut flight.behind).into_iter().collect(),
+            Some(numbers) => {
+                let parts = numbers.iter().filter_map(|n| flight.behind.remove_entry(n));
+                parts.collect()
+            }
+        };
+        let numbers: Vec<u32> = parts.iter().map(|(number, _)| *number).collect();
+        self.ensure_tiles(stack, &numbers, self.painting.len());
+        for (_, part) in &parts {
+            let needs = flight.live.needs(*part);
+            if needs != *part {
+                self.ensure(stack, needs, self.painting.len());
+            }
+        }
+        let old: Vec<_> = parts
+            .into_iter()
+            .map(|(number, part)| (number, part, flight.tiles.remove(&number)))
+            .collect();
+        let live = &flight.live;
+        let new: Vec<_> = old
+            .into_par_iter()
+            .map(|(number, part, tile)| (number, self.in_flight(number, part, live, tile)))
+            .collect();
+        flight.tiles.extend(new);
+        self.live = Some(flight);
+    }
+
+    /// What a tile that no stroke touched is covered.
+    fn start(&self) -> f32 {
+        self.mask.as_ref().map_or(0.0, |m| m.start)
     }
 
     /// Keeps what the layers above lay in some tiles, where memory allows it.
@@ -500,12 +580,20 @@ impl Active {
 
     /// The composite of a part of a tile that is there.
     fn compose(&self, stack: &recipe::Prepared, number: u32, part: Rect) -> Region {
-        let below = &self.below[&number];
-        let flying = self.live.as_ref().and_then(|(_, tiles)| tiles.get(&number));
+        let flying = self.live.as_ref().and_then(|f| f.tiles.get(&number));
         let tile = flying.or(self.tiles[&number].as_deref());
+        let above = self.above.get(&number);
+        if let Some(mask) = &self.mask {
+            let cover = match tile {
+                Some(tile) => crop_plane((self.rect_of(number), &tile.coverage), part),
+                None => vec![mask.start; part.texels()],
+            };
+            return stack.fill_masked(self.at, &mask.layer[&number], &cover, part, above);
+        }
+        let below = &self.below[&number];
         let painted = tile.map_or(&**below, |tile| &tile.now);
         let mut whole = below.crop(part);
-        stack.fill_over(self.at, painted, part, &mut whole, self.above.get(&number));
+        stack.fill_over(self.at, painted, part, &mut whole, above);
         whole
     }
 
@@ -530,7 +618,7 @@ impl Active {
     /// The texels of a rectangle whose tiles are there, and their coverage.
     fn read(&self, rect: Rect) -> (Region, Vec<f32>) {
         let mut now = Region::constant(rect, DEFAULT_TEXEL);
-        let mut coverage = vec![0.0; rect.texels()];
+        let mut coverage = vec![self.start(); rect.texels()];
         for number in self.numbers(rect) {
             match &self.tiles[&number] {
                 Some(tile) => {
@@ -546,8 +634,9 @@ impl Active {
     /// The same with the stroke in flight.
     fn shown(&self, rect: Rect) -> (Region, Vec<f32>) {
         let (mut now, mut coverage) = self.read(rect);
-        if let Some((_, tiles)) = &self.live {
-            for tile in self.numbers(rect).iter().filter_map(|n| tiles.get(n)) {
+        if let Some(flight) = &self.live {
+            let tiles = self.numbers(rect);
+            for tile in tiles.iter().filter_map(|n| flight.tiles.get(n)) {
                 now.copy_from(&tile.now);
                 copy_plane((rect, &mut coverage), (tile.now.rect(), &tile.coverage));
             }
@@ -562,14 +651,14 @@ impl Active {
         let stood = self.tiles[&number].as_deref();
         let mut tile = tile.or_else(|| stood.cloned()).unwrap_or_else(|| Tile {
             now: below.clone(),
-            coverage: vec![0.0; whole.texels()],
+            coverage: vec![self.start(); whole.texels()],
         });
         let needs = live.needs(part);
         let around = (needs != part).then(|| self.read(needs).0);
         let before = around.as_ref().or(stood.map(|t| &t.now)).unwrap_or(below);
         let mut coverage = match stood {
             Some(stood) => crop_plane((whole, &stood.coverage), part),
-            None => vec![0.0; part.texels()],
+            None => vec![self.start(); part.texels()],
         };
         if part == whole {
             live.apply(before, below, &mut tile.now, &mut coverage);
@@ -591,7 +680,7 @@ impl Active {
         }
         let mut below = Region::constant(self.painting.needs_for(0..n, rect), DEFAULT_TEXEL);
         self.read_below(&mut below);
-        let coverage = vec![0.0; below.rect().texels()];
+        let coverage = vec![self.start(); below.rect().texels()];
         self.paint(0..n, rect, &below, (below.clone(), coverage))
     }
 
@@ -613,7 +702,8 @@ impl Active {
     ) -> Option<Arc<Tile>> {
         self.painting
             .paint(strokes, rect, below, &mut now, &mut coverage);
-        let untouched = now == *below && coverage.iter().all(|c| *c == 0.0);
+        let start = self.start();
+        let untouched = now == *below && coverage.iter().all(|c| *c == start);
         (!untouched).then(|| {
             let coverage = crop_plane((now.rect(), &coverage), rect);
             let now = if now.rect() == rect {

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::map::{Size, Wrap};
 use crate::paint::{Brush, STROKES_MAX, Stroke, Strokes};
 use crate::recipe::{
-    Adjust, Blend, Channels, Layer, Mask, Material, Recipe, Scene, Source, Target, Way,
+    Adjust, Blend, Channels, Layer, Mask, MaskSource, Material, Recipe, Scene, Target, Way,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -13,18 +13,24 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Edit {
-    /// A stroke on top of those of a layer of strokes.
+    /// A stroke on top of those of a layer of strokes, or of a painted mask.
     AddStroke {
         /// The layer.
         layer: usize,
+        /// Whether it is one of the layer's mask.
+        #[serde(default, skip_serializing_if = "is_not")]
+        mask: bool,
         /// The stroke.
         #[serde(with = "alone")]
         stroke: Arc<Stroke>,
     },
-    /// The last stroke of a layer of strokes goes.
+    /// The last stroke of a layer of strokes, or of a painted mask, goes.
     RemoveStroke {
         /// The layer.
         layer: usize,
+        /// Whether it is one of the layer's mask.
+        #[serde(default, skip_serializing_if = "is_not")]
+        mask: bool,
     },
     /// A layer is put in.
     InsertLayer {
@@ -202,8 +208,8 @@ pub enum Touched {
     Nothing,
     /// Mesh, colours, lights: the map stands.
     Scene,
-    /// The strokes of one layer, which keep a canvas of their own.
-    Strokes(usize),
+    /// The strokes of one layer, or of its mask where that is said, which keep a canvas of their own.
+    Strokes(usize, bool),
     /// The map.
     Map,
     /// The map, and mesh, colours or lights as well.
@@ -236,8 +242,12 @@ impl Edit {
             Err(Error::invalid("the layer", at, allowed))
         };
         Ok(match self {
-            Self::AddStroke { layer, stroke } => {
-                let strokes = strokes_of(recipe, within(layer, layers)?)?;
+            Self::AddStroke {
+                layer,
+                mask,
+                stroke,
+            } => {
+                let strokes = strokes_of(recipe, within(layer, layers)?, mask)?;
                 if strokes.strokes.len() == STROKES_MAX {
                     let allowed = format!("allowed: at most {STROKES_MAX} in a layer");
                     return Err(
@@ -246,10 +256,14 @@ impl Edit {
                     );
                 }
                 strokes.strokes.push(stroke);
-                (Self::RemoveStroke { layer }, Touched::Strokes(layer))
+                (
+                    Self::RemoveStroke { layer, mask },
+                    Touched::Strokes(layer, mask),
+                )
             }
-            Self::RemoveStroke { layer } => {
-                let stroke = strokes_of(recipe, within(layer, layers)?)?.strokes.pop();
+            Self::RemoveStroke { layer, mask } => {
+                let strokes = strokes_of(recipe, within(layer, layers)?, mask)?;
+                let stroke = strokes.strokes.pop();
                 let stroke = stroke.ok_or_else(|| {
                     Error::invalid(
                         "the number of strokes",
@@ -257,7 +271,15 @@ impl Edit {
                         "allowed: at least one to take away",
                     )
                 })?;
-                (Self::AddStroke { layer, stroke }, Touched::Strokes(layer))
+                let touched = Touched::Strokes(layer, mask);
+                (
+                    Self::AddStroke {
+                        layer,
+                        mask,
+                        stroke,
+                    },
+                    touched,
+                )
             }
             Self::InsertLayer { at, layer } => {
                 recipe.layers.insert(within(at, layers + 1)?, *layer);
@@ -344,28 +366,32 @@ impl Edit {
     pub(super) fn follow(&mut self, way: &Way) {
         match self {
             Self::InsertLayer { layer, .. } | Self::SetLayer { layer, .. } => way.of_layer(layer),
+            Self::SetHead { head, .. } => head.mask.iter_mut().for_each(|mask| way.of_mask(mask)),
             Self::SetHeader { header } => way.of_mesh(&mut header.mesh),
             Self::SetRecipe { recipe } => way.of_recipe(recipe),
             // These name no files.
             Self::AddStroke { .. }
             | Self::RemoveStroke { .. }
             | Self::RemoveLayer { .. }
-            | Self::MoveLayer { .. }
-            | Self::SetHead { .. } => {}
+            | Self::MoveLayer { .. } => {}
         }
     }
 
     /// About how many bytes it holds.
     pub fn bytes(&self) -> usize {
-        let of_layer = |layer: &Layer| match &layer.source {
-            Source::Strokes(strokes) => {
-                1024 + strokes.strokes.iter().map(|s| bytes_of(s)).sum::<usize>()
-            }
-            _ => 1024,
+        let of_strokes =
+            |strokes: &Strokes| strokes.strokes.iter().map(|s| bytes_of(s)).sum::<usize>();
+        let of_layer = |layer: &Layer| {
+            let all = [layer.strokes(false), layer.strokes(true)];
+            1024 + all.into_iter().flatten().map(of_strokes).sum::<usize>()
         };
         match self {
             Self::AddStroke { stroke, .. } => bytes_of(stroke),
             Self::InsertLayer { layer, .. } | Self::SetLayer { layer, .. } => of_layer(layer),
+            Self::SetHead { head, .. } => match head.mask.as_ref().map(|m| &m.source) {
+                Some(MaskSource::Strokes(strokes)) => 512 + of_strokes(strokes),
+                _ => 512,
+            },
             Self::SetRecipe { recipe } => recipe.layers.iter().map(of_layer).sum::<usize>() + 1024,
             _ => 512,
         }
@@ -400,16 +426,20 @@ mod alone {
     }
 }
 
-/// The strokes of a layer.
-fn strokes_of(recipe: &mut Recipe, at: usize) -> Result<&mut Strokes> {
+/// The strokes of a layer, or of its mask.
+fn strokes_of(recipe: &mut Recipe, at: usize, mask: bool) -> Result<&mut Strokes> {
     let layer = &mut recipe.layers[at];
-    let name = layer.source.name();
-    match &mut layer.source {
-        Source::Strokes(strokes) => Ok(strokes),
-        _ => Err(Error::invalid(
-            "the layer to paint on",
-            format!("one of `{name}`"),
-            "allowed: a layer of `strokes`",
-        )),
-    }
+    let of_mask = layer.mask.as_ref().map_or("no mask", |m| m.source.name());
+    let (what, allowed) = match mask {
+        false => (layer.source.name(), "allowed: a layer of `strokes`"),
+        true => (of_mask, "allowed: a layer with a mask of `strokes`"),
+    };
+    let error = Error::invalid("the layer to paint on", format!("one of `{what}`"), allowed);
+    layer.strokes_mut(mask).ok_or(error)
+}
+
+/// Whether it is not; for what is not written.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_not(it: &bool) -> bool {
+    !it
 }

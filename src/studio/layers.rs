@@ -3,7 +3,7 @@
 use super::{Edit, Header, LayerHead, Studio};
 use crate::error::{Error, Result};
 use crate::paint::{Strokes, Tool};
-use crate::recipe::{Channels, Layer, Recipe, Source};
+use crate::recipe::{Channels, Layer, Mask, MaskSource, Recipe, Source};
 
 /// A name that no layer of a recipe has: `base`, or `base 2` and so on.
 pub fn free_name(recipe: &Recipe, base: &str) -> String {
@@ -166,32 +166,44 @@ impl Studio {
         if recipe.mesh.as_deref() == Some(mesh) {
             return Ok(());
         }
-        let before = recipe.mesh.clone();
-        let mut edits: Vec<Edit> = (recipe.layers.iter().enumerate())
-            .filter_map(|(at, layer)| {
-                let Source::Strokes(strokes) = &layer.source else {
-                    return None;
-                };
-                let alone = strokes.need_mesh() && strokes.mesh.is_none();
-                let source = Source::Strokes(Strokes {
-                    mesh: before.clone(),
-                    ..strokes.clone()
-                });
-                alone.then(|| Edit::SetLayer {
-                    at,
-                    layer: Box::new(Layer {
-                        source,
-                        ..layer.clone()
-                    }),
-                })
-            })
-            .collect();
+        let mut edits = Vec::new();
+        for (at, layer) in recipe.layers.iter().enumerate() {
+            let mut own = layer.clone();
+            own.all_strokes_mut()
+                .filter(|s| s.need_mesh() && s.mesh.is_none())
+                .for_each(|s| s.mesh.clone_from(&recipe.mesh));
+            if own != *layer {
+                let layer = Box::new(own);
+                edits.push(Edit::SetLayer { at, layer });
+            }
+        }
         let header = Box::new(Header {
             mesh: Some(mesh.to_owned()),
             ..Header::of(recipe)
         });
         edits.push(Edit::SetHeader { header });
         self.edit("Mesh", edits, None)
+    }
+
+    /// Gives a layer a mask to be painted on in the place of the one that it had, which shows it all or hides it all, and selects
+    /// both.
+    ///
+    /// # Errors
+    /// When there is no such layer.
+    pub fn add_painted_mask(&mut self, at: usize, shows: bool) -> Result<()> {
+        let mask = Mask {
+            start: Some(if shows { 1.0 } else { 0.0 }),
+            ..Mask::new(MaskSource::Strokes(Strokes::default()))
+        };
+        let head = LayerHead {
+            mask: Some(mask),
+            ..LayerHead::of(self.layer(at)?)
+        };
+        self.set_head(at, "Painted mask", head)?;
+        self.seal();
+        self.select(at);
+        self.select_mask(true);
+        Ok(())
     }
 
     /// Makes one layer of strokes of a layer of strokes and the one below it.

@@ -20,6 +20,7 @@ mod history;
 mod journal;
 mod keeper;
 mod layers;
+mod memory;
 mod paths;
 mod pick;
 pub mod view;
@@ -31,6 +32,7 @@ pub use edit::{Edit, Header, LayerHead, Touched};
 pub use history::{History, Step};
 pub use journal::{Base, Journal, LeftBehind, left_behind};
 pub use layers::free_name;
+pub use memory::{bytes_free, bytes_needed, memory_warning};
 pub use pick::{Hit, pick};
 pub use viewport::{Quality, Show, Viewport};
 pub use welcome::welcome;
@@ -43,7 +45,7 @@ use crate::paint::{Brush, Point, Skin};
 use crate::preview::{Prepared, Scene, Timings};
 use crate::progress::Progress;
 use crate::raster::Geometry;
-use crate::recipe::{self, Recipe, RecipeFile, Source, Way};
+use crate::recipe::{self, Recipe, RecipeFile, Way};
 use canvas::Canvas;
 use glam::{Vec2, Vec3};
 use keeper::Keeper;
@@ -63,7 +65,7 @@ const PIXELS_A_POINT: f32 = 4.0;
 /// How long the interface may be kept waiting while the map catches up with the canvas.
 const CATCH_UP: Duration = Duration::from_millis(20);
 /// Tiles of the map that are brought up to date at once.
-const TILES_AT_ONCE: usize = 64;
+const TILES_AT_ONCE: usize = 16;
 
 /// What a studio needs from its surroundings.
 #[derive(Clone, Debug)]
@@ -109,12 +111,16 @@ pub struct Studio {
     viewport: Viewport,
     timings: Timings,
     job: Option<Job>,
+    /// While a draft is shown: the stack of the whole map before, whose layers serve for the next.
+    whole: Option<recipe::Prepared>,
     /// What the canvas and the subject show.
     shown: Shown,
     /// The only layer that is shown, when the user wants to see it alone.
     solo: Option<usize>,
     /// The layer that is painted on and whose properties are shown.
     selected: usize,
+    /// Whether its mask is painted on.
+    on_mask: bool,
     /// Where the canvas is ahead of the map that is shown.
     behind: canvas::Parts,
     dirty: Vec<Rect>,
@@ -137,10 +143,16 @@ struct Job {
     result: Receiver<Result<Made>>,
     revision: u64,
     mesh: String,
+    /// Whether a draft of the map comes first, and is still to come.
+    drafts: bool,
+    /// Whether there were edits since: then it ends with the draft.
+    outdated: bool,
 }
 
 /// What it gives.
 struct Made {
+    /// Whether it is smaller than it is to be, and all of it comes later.
+    is_draft: bool,
     stack: recipe::Prepared,
     pyramid: Pyramid<'static>,
     /// A mesh other than the one that stands.
@@ -187,6 +199,7 @@ impl Studio {
             viewport: Viewport::new(Size::new(1, 1)?),
             timings,
             job: None,
+            whole: None,
             shown: Shown::default(),
             solo: None,
             selected: document.recipe().layers.len().saturating_sub(1),
@@ -194,6 +207,7 @@ impl Studio {
             dirty: Vec::new(),
             new_map: false,
             trouble: Vec::new(),
+            on_mask: false,
             document,
             options,
         })
@@ -293,11 +307,30 @@ impl Studio {
         self.selected
     }
 
-    /// Selects a layer.
+    /// Selects a layer, and no longer the mask of another one.
     pub fn select(&mut self, layer: usize) {
         if layer < self.recipe().layers.len() {
+            self.on_mask &= self.selected == layer;
             self.selected = layer;
         }
+    }
+
+    /// Whether strokes go onto the mask of the selected layer, and not onto the layer.
+    pub fn is_mask_selected(&self) -> bool {
+        self.on_mask && self.has_painted_mask()
+    }
+
+    /// Lets strokes go onto the mask of the selected layer, which must be a painted one, or onto the layer again. On a mask every
+    /// brush lays its coverage, and erasing takes it away.
+    pub fn select_mask(&mut self, mask: bool) {
+        self.cancel_stroke();
+        self.on_mask = mask;
+    }
+
+    /// Whether the selected layer has a painted mask.
+    pub fn has_painted_mask(&self) -> bool {
+        let layer = self.recipe().layers.get(self.selected);
+        layer.is_some_and(|l| l.strokes(true).is_some())
     }
 
     /// The only layer that is shown.
@@ -429,11 +462,12 @@ impl Studio {
             self.solo = self.solo.filter(|s| *s < layers);
         }
         self.selected = self.selected.min(layers.saturating_sub(1));
+        self.on_mask &= self.has_painted_mask();
         for what in touched {
             match what {
                 Touched::Nothing => {}
                 Touched::Scene => self.follow_scene(),
-                Touched::Strokes(layer) => self.follow_strokes(layer),
+                Touched::Strokes(layer, mask) => self.follow_strokes(layer, mask),
                 Touched::Map => self.shown.revision = None,
                 Touched::All => {
                     self.follow_scene();
@@ -474,6 +508,11 @@ impl Studio {
     /// Begins to work out the map of the recipe as it is now; what was being worked out is not wanted any more.
     fn work(&mut self) {
         self.shown.revision = None;
+        if let Some(job) = self.job.as_mut().filter(|job| job.drafts) {
+            // While a slider is dragged every draft is shown, of what was asked for when it was begun.
+            job.outdated = true;
+            return;
+        }
         self.job = None; // stops it
         let (send, result) = channel();
         let stop = Arc::new(AtomicBool::new(false));
@@ -482,7 +521,8 @@ impl Studio {
         let files = self.document.files();
         let mesh = self.mesh_name().to_owned();
         let new_mesh = (self.shown.mesh.as_ref() != Some(&mesh)).then(|| mesh.clone());
-        let before = self.canvas.stack().clone();
+        let before = self.whole.as_ref().unwrap_or(self.canvas.stack()).clone();
+        let draft = draft_size(&recipe);
         let thread = std::thread::Builder::new().name("map".to_owned()).spawn({
             let (stop, done) = (stop.clone(), done.clone());
             move || {
@@ -491,13 +531,18 @@ impl Studio {
                     done.store(part as u32, Ordering::Relaxed);
                     !stop.load(Ordering::Relaxed)
                 };
-                let made = make(
-                    &recipe,
-                    &files,
-                    &before,
-                    new_mesh.as_deref(),
-                    &Progress::new(&report),
-                );
+                let progress = Progress::new(&report);
+                let mut mesh = new_mesh.as_deref();
+                if let Some(size) = draft {
+                    let none = Progress::none(); // so small that it is shown in any case
+                    let made = make(&recipe, (size, true), &files, &before, mesh.take(), &none);
+                    let failed = made.is_err();
+                    if send.send(made).is_err() || failed {
+                        return;
+                    }
+                }
+                let whole = (recipe.size, false);
+                let made = make(&recipe, whole, &files, &before, mesh, &progress);
                 let _ = send.send(made); // nobody may be there any more
             }
         });
@@ -509,6 +554,8 @@ impl Studio {
                     result,
                     revision: self.document.revision(),
                     mesh,
+                    drafts: draft.is_some(),
+                    outdated: false,
                 });
             }
             Err(e) => self
@@ -550,29 +597,43 @@ impl Studio {
     }
 
     fn take_over(&mut self, made: Result<Made>) {
+        match made {
+            Ok(made) if made.is_draft => self.take_draft(made),
+            made => self.take_whole(made),
+        }
+    }
+
+    /// Shows a draft until the whole map is there.
+    fn take_draft(&mut self, made: Made) {
+        let Some(mut job) = self.job.take() else {
+            return;
+        };
+        job.drafts = false;
+        let whole = self.canvas.stack().clone();
+        self.whole.get_or_insert(whole);
+        self.shown.mesh = Some(job.mesh.clone());
+        self.show(made);
+        if job.outdated {
+            drop(job);
+            self.work();
+        } else {
+            self.job = Some(job);
+        }
+    }
+
+    fn take_whole(&mut self, made: Result<Made>) {
         let Some(job) = self.job.take() else { return };
-        if job.revision != self.document.revision() {
+        if job.revision != self.document.revision() || job.outdated {
             return self.work(); // edited meanwhile
         }
         match made {
             Ok(made) => {
-                let moved = made.geometry.is_some();
-                let subject = self.subject_mut();
-                subject.set_map(made.pyramid);
-                if let Some(geometry) = made.geometry {
-                    subject.set_mesh(geometry);
-                }
-                self.canvas = Canvas::new(made.stack);
-                if moved {
-                    self.scene = scene_of(self.document.recipe(), self.subject.mesh());
-                }
+                self.show(made);
+                self.whole = None;
                 self.shown = Shown {
                     revision: Some(job.revision),
                     mesh: Some(job.mesh.clone()),
                 };
-                self.behind.clear();
-                self.dirty.clear();
-                self.new_map = true;
             }
             Err(Error::Cancelled) => {}
             Err(error) => {
@@ -583,9 +644,31 @@ impl Studio {
         }
     }
 
-    /// Whether a part of the map is not yet as the canvas has it: [`Studio::tick`] goes on with it.
+    fn show(&mut self, made: Made) {
+        let moved = made.geometry.is_some();
+        let subject = self.subject_mut();
+        subject.set_map(made.pyramid);
+        if let Some(geometry) = made.geometry {
+            subject.set_mesh(geometry);
+        }
+        self.canvas = Canvas::new(made.stack);
+        if moved {
+            self.scene = scene_of(self.document.recipe(), self.subject.mesh());
+        }
+        self.behind.clear();
+        self.dirty.clear();
+        self.new_map = true;
+    }
+
+    /// Whether [`Studio::map`] is a draft: the whole map, but of fewer texels than the recipe says, until that is there.
+    pub fn is_draft(&self) -> bool {
+        self.whole.is_some()
+    }
+
+    /// Whether a part of the map is not yet as the canvas has it, or of the picture as the map is: [`Studio::tick`] and
+    /// [`Studio::draw`] go on with it.
     pub fn is_behind(&self) -> bool {
-        !self.behind.is_empty()
+        !self.behind.is_empty() || self.viewport.is_behind()
     }
 
     /// Waits until nothing is worked on in the background, the refining of the picture left out.
@@ -721,8 +804,10 @@ impl Studio {
             self.cancel_stroke();
             return Ok(false);
         };
-        let layer = self.canvas.active().expect("it was painted on");
-        let label = format!("{} stroke", stroke.brush().tool.name().replace('_', " "));
+        let (layer, mask) = self.canvas.active().expect("it was painted on");
+        let on = if mask { " on the mask" } else { "" };
+        let tool = stroke.brush().tool.name().replace('_', " ");
+        let label = format!("{tool} stroke{on}");
         let mut edits = Vec::new();
         if stroke.is_on_mesh() && self.recipe().mesh.is_none() {
             // Strokes on a mesh mean nothing without its name.
@@ -732,7 +817,11 @@ impl Studio {
             });
             edits.push(Edit::SetHeader { header });
         }
-        edits.push(Edit::AddStroke { layer, stroke });
+        edits.push(Edit::AddStroke {
+            layer,
+            mask,
+            stroke,
+        });
         match self.apply_all(edits) {
             Ok((back, _)) => {
                 self.history.push(Step::new(label, back, None));
@@ -762,7 +851,8 @@ impl Studio {
         self.repaint(dirty);
     }
 
-    /// How much of each texel of the map the selected layer's strokes have touched, 0 to 1; `None` for a layer without strokes.
+    /// How much of each texel of the map the selected layer's strokes have touched, 0 to 1, or what its mask holds where that is
+    /// selected; `None` for a layer without strokes.
     pub fn coverage(&mut self) -> Option<Vec<f32>> {
         self.activate(false).ok()?;
         let whole = self.map().size().rect();
@@ -778,25 +868,25 @@ impl Studio {
 
     /// Makes the selected layer the one that is painted on, on the mesh when that is wanted.
     fn activate(&mut self, on_mesh: bool) -> Result<()> {
-        let at = self.selected;
+        let (at, mask) = (self.selected, self.on_mask);
         if on_mesh && self.shown.mesh.as_deref() != Some(self.mesh_name()) {
             let name = format!("`{}`", self.mesh_name());
             let allowed = "allowed: the one that is shown";
             return Err(Error::invalid("the mesh to paint on", name, allowed)
                 .with_hint("It is being loaded, or could not be"));
         }
-        if self.canvas.active() == Some(at) && (!on_mesh || self.canvas.skin().is_some()) {
+        if self.canvas.active() == Some((at, mask)) && (!on_mesh || self.canvas.skin().is_some()) {
             return Ok(());
         }
         let recipe = self.shown_recipe().into_owned();
         let layer = recipe.layers.get(at);
-        let Some(Source::Strokes(strokes)) = layer.map(|l| &l.source) else {
+        let Some(strokes) = layer.and_then(|l| l.strokes(mask)) else {
             let value = layer.map_or("no layer", |l| l.name());
-            return Err(not_to_paint_on(
-                value,
-                "a layer of strokes",
-                "Add a paint layer",
-            ));
+            let (allowed, hint) = match mask {
+                false => ("a layer of strokes", "Add a paint layer"),
+                true => ("a layer with a painted mask", "Give it one"),
+            };
+            return Err(not_to_paint_on(value, allowed, hint));
         };
         if !layer.is_some_and(|l| l.visible && l.opacity > 0.0) {
             let name = recipe.layers[at].name();
@@ -828,16 +918,20 @@ impl Studio {
             None
         };
         let budget = self.options.undo_bytes;
-        self.canvas.activate(stack, (at, strokes), skin, budget)
+        let mask = mask.then(|| layer.and_then(|l| l.mask.as_ref()?.start).unwrap_or(0.0));
+        // What the tiles hold is dropped with the canvas: the map has to have caught up before.
+        self.catch_up(None);
+        self.canvas
+            .activate(stack, (at, strokes, mask), skin, budget)
     }
 
     /// The strokes of a layer are one more or less than the canvas shows.
-    fn follow_strokes(&mut self, layer: usize) {
-        let Some(Source::Strokes(strokes)) = self.recipe().layers.get(layer).map(|l| &l.source)
-        else {
+    fn follow_strokes(&mut self, layer: usize, mask: bool) {
+        let found = self.recipe().layers.get(layer);
+        let Some(strokes) = found.and_then(|l| l.strokes(mask)) else {
             return;
         };
-        if self.canvas.active() != Some(layer) {
+        if self.canvas.active() != Some((layer, mask)) {
             self.shown.revision = None;
             return;
         }
@@ -861,10 +955,7 @@ impl Studio {
     /// Brings rectangles of the composite map up to date with the canvas: at once as far as that takes no time to speak of, the
     /// rest from [`Studio::tick`] to tick.
     fn repaint(&mut self, dirty: Vec<Rect>) {
-        for (number, part) in self.canvas.parts(&dirty) {
-            let whole = self.behind.entry(number).or_insert(part);
-            *whole = whole.hull(part);
-        }
+        canvas::add_parts(&mut self.behind, &self.canvas.parts(&dirty));
         self.catch_up(Some(CATCH_UP));
     }
 
@@ -952,9 +1043,32 @@ fn not_to_paint_on(layer: &str, allowed: &str, hint: &str) -> Error {
     Error::invalid("the layer to paint on", layer, allowed).with_hint(hint)
 }
 
+/// Texels of a map from which on a draft comes first, and of the draft at most.
+const DRAFT: [usize; 2] = [1 << 20, 1 << 18];
+/// Strokes that a draft is not worth laying anew for.
+const DRAFT_STROKES: usize = 5000;
+
+/// The size of a draft of a recipe's map; `None` where none is needed, or where it would take long itself.
+fn draft_size(recipe: &Recipe) -> Option<Size> {
+    let layers = || recipe.layers.iter().filter(|l| l.visible);
+    let strokes = layers().flat_map(|l| [l.strokes(false), l.strokes(true)].into_iter().flatten());
+    let strokes: usize = strokes.map(|s| s.strokes.len()).sum();
+    if recipe.size.texels() <= DRAFT[0] || strokes > DRAFT_STROKES {
+        return None;
+    }
+    let smaller = |shift: u32| {
+        let side = |n: u32| (n >> shift).max(1);
+        Size::new(side(recipe.size.width()), side(recipe.size.height())).ok()
+    };
+    (1..16)
+        .filter_map(smaller)
+        .find(|size| size.texels() <= DRAFT[1])
+}
+
 /// The map of a recipe, with what is kept of the stack before where layers are the same.
 fn make(
     recipe: &Recipe,
+    (size, is_draft): (Size, bool),
     files: &recipe::Files,
     before: &recipe::Prepared,
     mesh: Option<&str>,
@@ -964,10 +1078,11 @@ fn make(
         Some(word) => Some(Geometry::new(open_mesh(word, files)?)?),
         None => None,
     };
-    let stack = recipe.prepare_after(before, recipe.size, files, progress)?;
+    let stack = recipe.prepare_after(before, size, files, progress)?;
     let map = stack.map(progress)?;
     progress.check()?;
     Ok(Made {
+        is_draft,
         stack,
         pyramid: Pyramid::new(map),
         geometry,

@@ -4,7 +4,7 @@ use super::*;
 use crate::map::Region;
 use crate::paint::{Groove, Smooth, Tool};
 use crate::pattern::Pattern;
-use crate::recipe::{LAYERS_MAX, Layer, Mask, MaskSource};
+use crate::recipe::{LAYERS_MAX, Layer, Mask, MaskSource, Source};
 
 const RECIPE: &str = "version = 1\nname = 'painted'\nsize = [320, 200]\naspect = 1.6\nseed = 5\n\
     [[layers]] # the base\nname = 'steel'\n[layers.brushed]\nangle = 20\n\
@@ -350,6 +350,9 @@ fn work_is_recovered_from_the_journal_to_the_last_stroke() {
     studio.select(1);
     some_strokes(&mut studio);
     studio.undo().unwrap();
+    studio.add_painted_mask(2, true).unwrap();
+    let erase = brush(Tool::Erase, 0.05);
+    stroke(&mut studio, erase, &[[0.3, 0.6], [0.4, 0.3]]);
     let mask = Mask::new(MaskSource::Polygon(vec![
         Vec2::ZERO,
         Vec2::new(0.3, 0.1),
@@ -366,7 +369,7 @@ fn work_is_recovered_from_the_journal_to_the_last_stroke() {
     let (mut found, errors) = left_behind(folder.path());
     assert!(errors.is_empty() && found.len() == 1);
     let (mut studio, edits) = Studio::recover(found.remove(0), options).unwrap();
-    assert_eq!((edits, studio.recipe()), (6, &recipe));
+    assert_eq!((edits, studio.recipe()), (8, &recipe));
     assert!(studio.document().is_changed());
     studio.settle();
     assert_shows_its_recipe(&studio);
@@ -628,6 +631,143 @@ fn a_newer_file_is_looked_at_only() {
     studio.select(1);
     assert!(studio.remove_layer(0).is_err());
     assert!(!studio.document().is_changed());
+}
+
+/// Strokes on the masks of a pattern, of strokes and of a layer with a partly covering pattern: what is shown is what is
+/// generated, and undo is exact.
+#[test]
+fn painted_masks_show_and_hide() {
+    for (at, shows) in [(0, true), (1, false), (2, true), (2, false)] {
+        let mut studio = painted();
+        some_strokes(&mut studio);
+        let plain = studio.map().clone();
+        studio.add_painted_mask(at, shows).unwrap();
+        assert!(studio.is_mask_selected());
+        studio.settle();
+        assert_shows_its_recipe(&studio);
+        assert_eq!(*studio.map() == plain, shows && at != 2, "{at}");
+        let before = studio.map().clone();
+        let paint = brush(Tool::Groove(Groove::default()), 0.08);
+        let erase = brush(Tool::Erase, 0.06);
+        stroke(&mut studio, erase.clone(), &[[0.2, 0.1], [0.7, 0.6]]);
+        studio.settle(); // layer 1 looks around itself
+        let mut maps = vec![before, studio.map().clone()];
+        stroke(&mut studio, paint, &[[0.1, 0.5], [0.6, 0.4], [1.1, 0.5]]);
+        studio.settle();
+        maps.push(studio.map().clone());
+        assert_shows_its_recipe(&studio);
+        assert!(maps[1] != maps[2]);
+        assert_eq!(maps[0] != maps[1], shows, "what is hidden cannot be hidden");
+        for map in maps[..2].iter().rev() {
+            assert!(studio.undo().unwrap());
+            studio.settle();
+            assert!(studio.map() == map);
+        }
+        for map in &maps[1..] {
+            assert!(studio.redo().unwrap());
+            studio.settle();
+            assert!(studio.map() == map);
+        }
+        assert!(
+            studio
+                .document()
+                .text()
+                .unwrap()
+                .contains("[layers.mask.strokes]")
+        );
+        // Onto the layer again, and the mask still holds.
+        studio.select_mask(false);
+        if at == 1 {
+            let groove = brush(Tool::Groove(Groove::default()), 0.06);
+            stroke(&mut studio, groove, &[[0.1, 0.6], [0.8, 0.3]]);
+            studio.settle();
+            assert_shows_its_recipe(&studio);
+        }
+        studio.set_head(at, "Mask", inverted(&studio, at)).unwrap();
+        studio.settle();
+        assert_shows_its_recipe(&studio);
+        while studio.history().len().0 > 4 {
+            studio.undo().unwrap();
+        }
+        studio.settle();
+        assert!(*studio.map() == plain);
+    }
+}
+
+fn inverted(studio: &Studio, at: usize) -> LayerHead {
+    let mut head = LayerHead::of(&studio.recipe().layers[at]);
+    let mask = head.mask.as_mut().unwrap();
+    mask.invert = !mask.invert;
+    head
+}
+
+#[test]
+fn a_mask_that_is_not_painted_takes_no_stroke() {
+    let mut studio = painted();
+    studio.select(2);
+    studio.select_mask(true);
+    assert!(!studio.is_mask_selected());
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    let error = studio.begin_stroke(groove, 1).unwrap_err().to_string();
+    assert!(
+        error.contains("`rings`") && error.contains("painted mask"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_large_map_is_shown_as_a_draft_first() {
+    let text = RECIPE.replace("size = [320, 200]", "size = [1600, 1000]");
+    let file = RecipeFile::parse(&text, "large.toml", None).unwrap();
+    let mut studio = Studio::new(file, None, Options::default()).unwrap();
+    let draft = |studio: &mut Studio| {
+        loop {
+            let tick = studio.tick();
+            if tick.new_map && studio.is_draft() {
+                break;
+            }
+            assert!(tick.working.is_some(), "no draft came");
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        assert_eq!(studio.map().size(), Size::new(400, 250).unwrap());
+    };
+    draft(&mut studio);
+    studio.settle();
+    assert!(!studio.is_draft());
+    assert_shows_its_recipe(&studio);
+    // Sliders that are dragged: every edit comes before the draft of the one before it.
+    for i in 1..5 {
+        let head = LayerHead {
+            opacity: i as f32 / 20.0,
+            ..LayerHead::of(&studio.recipe().layers[0])
+        };
+        studio.set_head(0, "Opacity", head).unwrap();
+    }
+    draft(&mut studio);
+    // What is painted on a draft is in the recipe as anything else.
+    studio.select(1);
+    some_strokes(&mut studio);
+    studio.undo().unwrap();
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+}
+
+/// Strokes below a layer of strokes that look around themselves change more than they touch.
+#[test]
+fn what_strokes_above_see_of_a_stroke_is_brought_up_to_date() {
+    let mut studio = painted();
+    studio.add_paint_layer().unwrap();
+    let smooth = brush(Tool::Smooth(Smooth { reach: 0.1 }), 0.3);
+    stroke(&mut studio, smooth, &[[0.3, 0.3], [0.6, 0.5]]);
+    studio.settle();
+    studio.select(1);
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    stroke(&mut studio, groove, &[[0.3, 0.2], [0.6, 0.7]]);
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+    studio.undo().unwrap();
+    studio.settle();
+    assert_shows_its_recipe(&studio);
 }
 
 #[test]

@@ -1,0 +1,82 @@
+//! What a map takes of memory, told before it is taken.
+
+use crate::map::Size;
+use crate::recipe::Recipe;
+
+/// Bytes a texel of the map: its planes, the same side by side (up to 4096x4096), the levels over it, and the canvas's own.
+const MAP: u64 = 16;
+const BESIDE: u64 = 16;
+const LEVELS: u64 = 6;
+const CANVAS: u64 = 6;
+/// While a map is made the one before stands.
+const MAKING: u64 = MAP + LEVELS;
+/// What of a map has been painted on: what lies below, what strokes made of it, how much they touched.
+const PAINTED: u64 = 36;
+/// What the program takes whatever the map.
+const PROGRAM: u64 = 200 << 20;
+
+/// About how many bytes a studio takes that shows a recipe at a size, the whole map painted on where it has strokes.
+pub fn bytes_needed(recipe: &Recipe, size: Size) -> u64 {
+    let texels = size.texels() as u64;
+    let is_painted = recipe
+        .layers
+        .iter()
+        .any(|l| l.strokes(false).is_some() || l.strokes(true).is_some());
+    let beside = if texels <= 1 << 24 { BESIDE } else { 0 };
+    let painted = if is_painted { PAINTED } else { 0 };
+    PROGRAM + texels * (MAP + beside + LEVELS + CANVAS + MAKING + painted)
+}
+
+/// Bytes of memory that are free for programs, where the system tells it.
+pub fn bytes_free() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kib.checked_mul(1024)
+}
+
+/// What to tell before a map is made that takes much of the memory there is; `None` where there is nothing to tell: it takes
+/// less than a gibibyte, or less than half of what is free.
+pub fn memory_warning(recipe: &Recipe, size: Size, free: Option<u64>) -> Option<String> {
+    let needed = bytes_needed(recipe, size);
+    let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+    if needed < 1 << 30 || free.is_some_and(|free| needed <= free / 2) {
+        return None;
+    }
+    let takes = format!(
+        "A map of {size} takes about {:.1} GiB of memory",
+        gib(needed)
+    );
+    Some(match free {
+        None => format!("{takes}."),
+        Some(free) if needed > free => format!(
+            "{takes}, and {:.1} GiB are free: work at a smaller size, and generate the large map from the saved recipe.",
+            gib(free)
+        ),
+        Some(free) => format!("{takes} of the {:.1} GiB that are free.", gib(free)),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_large_map_is_told_before_it_is_made() {
+        let recipe = Recipe::default();
+        let size = |n: u32| Size::new(n, n).unwrap();
+        assert_eq!(memory_warning(&recipe, size(2048), Some(1 << 20)), None);
+        assert_eq!(memory_warning(&recipe, size(4096), Some(64 << 30)), None);
+        let told = memory_warning(&recipe, size(16384), Some(16 << 30)).unwrap();
+        assert!(
+            told.contains("16384x16384") && told.contains("of the 16.0 GiB"),
+            "{told}"
+        );
+        let told = memory_warning(&recipe, size(16384), Some(4 << 30)).unwrap();
+        assert!(
+            told.contains("4.0 GiB are free: work at a smaller size"),
+            "{told}"
+        );
+        assert!(memory_warning(&recipe, size(16384), None).is_some());
+    }
+}
