@@ -535,14 +535,15 @@ impl Studio {
                 let mut mesh = new_mesh.as_deref();
                 if let Some(size) = draft {
                     let none = Progress::none(); // so small that it is shown in any case
-                    let made = make(&recipe, (size, true), &files, &before, mesh.take(), &none);
+                    let mesh = mesh.take();
+                    let made = apart(|| make(&recipe, (size, true), &files, &before, mesh, &none));
                     let failed = made.is_err();
                     if send.send(made).is_err() || failed {
                         return;
                     }
                 }
                 let whole = (recipe.size, false);
-                let made = make(&recipe, whole, &files, &before, mesh, &progress);
+                let made = apart(|| make(&recipe, whole, &files, &before, mesh, &progress));
                 let _ = send.send(made); // nobody may be there any more
             }
         });
@@ -1035,6 +1036,14 @@ fn broken_off() -> Error {
     let problem = "the work on it broke off by a mistake of this program";
     Error::machine("the map cannot be shown")(problem)
         .with_hint("The recipe is as it was: undo the last change, or save and start again")
+}
+
+/// Does work on threads of its own. On the common ones, what the artist waits for would stand in line behind it.
+pub fn apart<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().build() {
+        Ok(pool) => pool.install(work),
+        Err(_) => work(), // no thread is left: late is better than never
+    }
 }
 
 /// Why nothing can be painted.

@@ -4,6 +4,7 @@
 //! another one, a thread of its own draws 2x2 samples a pixel, then 4x4, then the f64 reference with 8x8. Whatever is asked for
 //! meanwhile stops it.
 
+use super::apart;
 use crate::brdf::Model;
 use crate::error::{Error, Result};
 use crate::map::{Rect, Size};
@@ -11,6 +12,7 @@ use crate::preview::{
     Difference, Frame, Look, Measure, Picture, Prepared, REFERENCE_SAMPLES, Redrawn, Scene,
     Subject, Timings, render_reference,
 };
+
 use crate::progress::Progress;
 use glam::Vec2;
 use std::sync::Arc;
@@ -270,7 +272,7 @@ impl Viewport {
             .name("refine".to_owned())
             .spawn({
                 let (stop, done) = (stop.clone(), done.clone());
-                move || {
+                let draw = move || {
                     for stage in first..STAGES.len() {
                         let report = |now: u64, all: u64| {
                             let part = 1000.0 * now as f64 / all.max(1) as f64;
@@ -290,7 +292,8 @@ impl Viewport {
                             return;
                         }
                     }
-                }
+                };
+                move || apart(draw)
             });
         // Without a thread the picture stays as good as it is.
         if let Ok(thread) = thread {
