@@ -473,14 +473,20 @@ impl CanvasPane {
             modifiers.alt,
             modifiers.shift,
         );
-        let pressed = response.contains_pointer() && ui.input(|i| i.pointer.primary_pressed());
-        if pressed && !space && drag == Some(Drag::Tool) {
-            self.pen_down(ui, desk, camera, modifiers);
+        let (was_drawing, force) = (self.drawing.is_some(), pressure(ui));
+        for pen in pen(ui, response) {
+            match pen {
+                Pen::Down(at) if !space && drag == Some(Drag::Tool) => {
+                    self.pen_down(ui, desk, camera, at);
+                }
+                Pen::Move(at) => self.pen_moves(ui, desk, camera, (at, force)),
+                Pen::Up => self.pen_up(desk),
+                Pen::Down(_) => {}
+            }
         }
-        if self.drawing.is_some() {
-            self.pen_moves(ui, desk, camera, modifiers);
+        if was_drawing || self.drawing.is_some() {
             if !ui.input(|i| i.pointer.primary_down()) {
-                self.pen_up(desk);
+                self.pen_up(desk); // lifted where nobody saw it
             }
         } else if desk.hand.kind() == ToolKind::Pick && drag == Some(Drag::Tool) && !space {
             if response.is_pointer_button_down_on() {
@@ -498,13 +504,11 @@ impl CanvasPane {
         }
     }
 
-    fn pen_down(&mut self, ui: &Ui, desk: &mut Desk, camera: Camera2d, modifiers: egui::Modifiers) {
-        let Some(pointer) = ui.input(|i| i.pointer.interact_pos()) else {
-            return;
-        };
+    fn pen_down(&mut self, ui: &Ui, desk: &mut Desk, camera: Camera2d, pointer: Pos2) {
         if !desk.hand.kind().paints() {
             return;
         }
+        let modifiers = ui.input(|i| i.modifiers);
         let uv = camera.uv_at(self.map, self.pixel(ui, pointer)).as_vec2();
         let turns = if self.wrap { uv.floor() } else { Vec2::ZERO };
         let at = (uv - turns) * extent(desk);
@@ -553,41 +557,26 @@ impl CanvasPane {
         self.stroke_to(desk, to, 1.0);
     }
 
-    fn pen_moves(
-        &mut self,
-        ui: &Ui,
-        desk: &mut Desk,
-        camera: Camera2d,
-        modifiers: egui::Modifiers,
-    ) {
-        // Every motion counts, not only the last of the frame: a fast curve must not become a polygon.
-        let motions: Vec<Pos2> = ui.input(|i| {
-            let moved = i.events.iter().filter_map(|e| match e {
-                Event::PointerMoved(at) => Some(*at),
-                _ => None,
-            });
-            moved.collect()
-        });
-        let force = pressure(ui);
-        for at in motions {
-            let place = self.surface_at(ui, desk, camera, at);
-            let Some(drawing) = &mut self.drawing else {
-                return;
-            };
-            let place = place - drawing.turns * extent(desk);
-            match drawing.line_from {
-                Some(from) => {
-                    let (inverse, end) = (drawing.inverse, aim(from, place, modifiers.command));
-                    drawing.string = PulledString::new(end, 0.0);
-                    desk.studio.cancel_stroke();
-                    if self.begin(desk, inverse) {
-                        self.draw_line(desk, from, end);
-                    }
+    /// Every motion counts, not only the last of the frame: a fast curve must not become a polygon.
+    fn pen_moves(&mut self, ui: &Ui, desk: &mut Desk, camera: Camera2d, (at, force): (Pos2, f32)) {
+        let place = self.surface_at(ui, desk, camera, at);
+        let Some(drawing) = &mut self.drawing else {
+            return;
+        };
+        let place = place - drawing.turns * extent(desk);
+        match drawing.line_from {
+            Some(from) => {
+                let snap = ui.input(|i| i.modifiers.command);
+                let (inverse, end) = (drawing.inverse, aim(from, place, snap));
+                drawing.string = PulledString::new(end, 0.0);
+                desk.studio.cancel_stroke();
+                if self.begin(desk, inverse) {
+                    self.draw_line(desk, from, end);
                 }
-                None => {
-                    if let Some(next) = drawing.string.pull(place) {
-                        self.stroke_to(desk, next, force);
-                    }
+            }
+            None => {
+                if let Some(next) = drawing.string.pull(place) {
+                    self.stroke_to(desk, next, force);
                 }
             }
         }
@@ -979,6 +968,41 @@ pub(crate) fn extent(desk: &Desk) -> Vec2 {
 /// The end of a straight line toward the pointer, by steps of 15 degrees where the angle snaps.
 fn aim(from: Vec2, to: Vec2, snap: bool) -> Vec2 {
     if snap { snap_angle(from, to, 15.0) } else { to }
+}
+
+/// What the pen, or the left button, does over a picture.
+pub(crate) enum Pen {
+    /// It comes down here.
+    Down(Pos2),
+    /// It goes on to here.
+    Move(Pos2),
+    /// It is lifted.
+    Up,
+}
+
+/// What the pen did since the last frame, in its order: where a frame takes long, a whole stroke may lie between two.
+pub(crate) fn pen(ui: &Ui, response: &Response) -> Vec<Pen> {
+    let busy = ui.ctx().dragged_id().is_some_and(|id| id != response.id);
+    let layer = ui.layer_id();
+    let meant = |at: Pos2| {
+        let over = ui.ctx().layer_id_at(at);
+        !busy && response.interact_rect.contains(at) && over.is_none_or(|l| l == layer)
+    };
+    let of = |event: &Event| match *event {
+        Event::PointerMoved(at) => Some(Pen::Move(at)),
+        Event::PointerButton {
+            pos,
+            button: PointerButton::Primary,
+            pressed,
+            ..
+        } => match pressed {
+            true => meant(pos).then_some(Pen::Down(pos)),
+            false => Some(Pen::Up),
+        },
+        _ => None,
+    };
+    let events = ui.input(|i| i.events.clone());
+    events.iter().filter_map(of).collect()
 }
 
 /// The pen's pressure, 1 where the system tells none.

@@ -464,8 +464,9 @@ fn settings(ui: &mut Ui, desk: &mut Desk) -> (Next, Option<Wish>) {
     );
     caption(ui, "Memory for undo");
     let mut mib = f64::from(desk.settings.undo_memory);
-    let bar = Bar::new("MiB", 16.0..=16384.0)
+    let bar = Bar::new("At most", 16.0..=16384.0)
         .integer(true)
+        .unit("MiB")
         .default(512.0)
         .show(ui, &mut mib);
     bar.response

@@ -20,6 +20,7 @@ use anisomap::mesh::{self, Mesh};
 use anisomap::preview::{Look, Scene, Subject, render_sheet};
 use anisomap::progress::Progress;
 use anisomap::recipe::{Files, Recipe, Target};
+use anisomap::studio::apart;
 use eframe::egui::{self, RichText, Ui};
 use std::path::{Path, PathBuf};
 
@@ -244,7 +245,7 @@ impl ExportDialog {
         };
         self.error = None;
         match Work::begin("export", ui.ctx(), move |reins, give| {
-            give(write(&order, reins));
+            give(apart(|| write(&order, reins)));
         }) {
             Ok(work) => self.work = Some(work),
             Err(error) => self.error = Some(error.to_string()),

@@ -61,8 +61,11 @@ impl Help {
         });
         ui.add_space(6.0);
         let wanted = self.wanted.to_lowercase();
+        // As high as the window has room for.
+        let room = (ui.ctx().content_rect().height() - 220.0).clamp(160.0, 900.0);
         egui::ScrollArea::vertical()
-            .max_height(520.0)
+            .max_height(room)
+            .min_scrolled_height(room)
             .auto_shrink(false)
             .show(ui, |ui| {
                 ui.columns(2, |columns| {

@@ -10,6 +10,7 @@ use anisomap::import::Imported;
 use anisomap::import::exr::{read_master, read_rgb_pair};
 use anisomap::import::gltf::read_gltf;
 use anisomap::mesh;
+use anisomap::studio::apart;
 use eframe::egui::Context;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -52,7 +53,7 @@ impl Intake {
     ) -> Result<Self, Error> {
         let (from, folder) = (path.to_owned(), folder.to_owned());
         let body = move |reins: &Reins, give: &dyn Fn(Result<Taken, Error>) -> bool| {
-            let taken = take(part, &from, &folder);
+            let taken = apart(|| take(part, &from, &folder));
             if reins.go_on() {
                 give(taken);
             }

@@ -6,6 +6,7 @@ use super::work::{Now, Work};
 use anisomap::Error;
 use anisomap::map::Size;
 use anisomap::progress::Progress;
+use anisomap::studio::apart;
 use anisomap::studio::view::{
     AlphaRange, Camera2d, Coverage, Legend, LegendShape, LintMarks, Needle, RatioRange, View,
 };
@@ -263,7 +264,8 @@ impl Overlay {
         let (map, mesh) = (desk.studio.map().clone(), desk.studio.mesh().clone());
         let begun = Work::begin("lint", ui.ctx(), move |reins, give| {
             let wanted = |_: u64, _: u64| reins.go_on();
-            give(LintMarks::find(&map, Some(&mesh), &Progress::new(&wanted)));
+            let progress = Progress::new(&wanted);
+            give(apart(|| LintMarks::find(&map, Some(&mesh), &progress)));
         });
         self.work = desk.told(begun);
     }

@@ -8,6 +8,7 @@ use anisomap::mesh;
 use anisomap::preview::{Look, Scene, Subject, render};
 use anisomap::progress::Progress;
 use anisomap::recipe::{PRESETS, Preset};
+use anisomap::studio::apart;
 use eframe::egui::{
     self, Align2, Color32, ColorImage, CornerRadius, FontId, Role, Sense, Stroke, StrokeKind,
     TextureHandle, TextureOptions, Ui, WidgetInfo, pos2, vec2,
@@ -43,8 +44,10 @@ impl PresetBrowser {
         ui.label(egui::RichText::new("Each opens as a new document: change it, paint on it, save it under a name of yours.").color(Palette::of(ui).weak));
         ui.add_space(8.0);
         let mut wish = Wish::Stay;
+        let room = (ui.ctx().content_rect().height() - 240.0).clamp(160.0, 900.0);
         egui::ScrollArea::vertical()
-            .max_height(520.0)
+            .max_height(room)
+            .min_scrolled_height(room)
             .show(ui, |ui| {
                 egui::Grid::new("presets")
                     .spacing(vec2(10.0, 10.0))
@@ -108,7 +111,7 @@ impl PresetBrowser {
             self.pictures.resize_with(PRESETS.len(), || None);
             let work = |reins: &super::work::Reins, give: &dyn Fn(Drawn) -> bool| {
                 for (i, preset) in PRESETS.iter().enumerate() {
-                    if !reins.go_on() || !give((i, picture_of(preset))) {
+                    if !reins.go_on() || !give((i, apart(|| picture_of(preset)))) {
                         return;
                     }
                 }

@@ -275,10 +275,7 @@ fn number_of(pattern: &Pattern, key: &str) -> Option<f64> {
 
 /// What a parameter means, what it may be, and its key in the recipe.
 fn parameter_tip(parameter: &anisomap::pattern::Parameter, key: &str) -> String {
-    let mut letters = parameter.doc.chars();
-    let doc: String = letters
-        .next()
-        .map_or(String::new(), |f| f.to_uppercase().chain(letters).collect());
+    let doc = sentence(parameter.doc);
     let unit = if parameter.unit.is_empty() {
         String::new()
     } else {
@@ -614,10 +611,18 @@ fn material_rows(ui: &mut Ui, material: &mut Material) -> bool {
 
 // ----- The history. -----
 
+/// With a capital first letter.
+pub(crate) fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    letters
+        .next()
+        .map_or(String::new(), |f| f.to_uppercase().chain(letters).collect())
+}
+
 fn history_panel(ui: &mut Ui, desk: &mut Desk) {
     let (undone, redone) = desk.studio.history().labels();
-    let undone: Vec<String> = undone.map(str::to_owned).collect();
-    let redone: Vec<String> = redone.map(str::to_owned).collect();
+    let undone: Vec<String> = undone.map(sentence).collect();
+    let redone: Vec<String> = redone.map(sentence).collect();
     if undone.is_empty() && redone.is_empty() {
         ui.label(egui::RichText::new("Nothing was changed yet.").color(Palette::of(ui).weak));
         return;

@@ -1,8 +1,9 @@
 //! The 3D view: the mesh under light, the hand on camera and lamps, and models side by side.
 
-use super::canvas::{pressure, put, ring, strip};
+use super::canvas::{Pen, pen, pressure, put, ring, strip};
 use super::desk::{Desk, Redraw};
 use super::icons::Icon;
+use super::properties::sentence;
 use super::theme::Palette;
 use super::widgets::{Bar, icon_button, overlay_text};
 use anisomap::brdf::Model;
@@ -16,8 +17,8 @@ use anisomap::studio::orbit::{Button, Drag, Orbit, Preset, turn_lights};
 use anisomap::studio::view::Probe;
 use anisomap::studio::{Hit, Show};
 use eframe::egui::{
-    self, Align2, Color32, ColorImage, CornerRadius, Event, Modifiers, PointerButton, Pos2, Rect,
-    Response, Role, Sense, TextureHandle, Ui, WidgetInfo, pos2, vec2,
+    self, Align2, Color32, ColorImage, CornerRadius, PointerButton, Pos2, Rect, Response, Role,
+    Sense, TextureHandle, Ui, WidgetInfo, pos2, vec2,
 };
 use glam::Vec2;
 use std::time::{Duration, Instant};
@@ -206,59 +207,51 @@ impl ViewportPane {
 
     /// Paints where the pointer drags over the mesh; `true` while it does.
     fn paint_with_pen(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) -> bool {
-        let (modifiers, pressed, down) = ui.input(|i| {
-            (
-                i.modifiers,
-                i.pointer.primary_pressed(),
-                i.pointer.primary_down(),
-            )
-        });
-        if let Some(from) = self.drawing {
-            self.pen_moves(ui, desk, from);
-            if !down {
-                self.drawing = None;
-                desk.end_stroke();
+        let (mut taken, force) = (self.drawing.is_some(), pressure(ui));
+        for pen in pen(ui, response) {
+            match (pen, self.drawing) {
+                (Pen::Down(at), None) if !ui.input(|i| i.modifiers.alt) => {
+                    taken |= self.press(ui, desk, at, force);
+                }
+                (Pen::Move(at), Some(from)) => self.go_on(ui, desk, from, (at, force)),
+                (Pen::Up, Some(_)) => self.pen_up(desk),
+                _ => {}
             }
-            return true;
         }
-        let Some(hit) = self
-            .hit
-            .filter(|_| pressed && response.contains_pointer() && !modifiers.alt)
-        else {
+        if self.drawing.is_some() && !ui.input(|i| i.pointer.primary_down()) {
+            self.pen_up(desk); // lifted where nobody saw it
+        }
+        taken
+    }
+
+    /// The tool meets the mesh, or `false` where it is missed.
+    fn press(&mut self, ui: &Ui, desk: &mut Desk, at: Pos2, force: f32) -> bool {
+        let Some(hit) = desk.studio.pick(self.pixel(ui, at)) else {
             return false;
         };
         match desk.hand.kind() {
             ToolKind::Pick => {
-                if let Some(p) = &self.probe {
+                if let Some(p) = Probe::at(desk.studio.map(), hit.uv.as_dvec2()) {
                     desk.hand.pick(p.alpha_x, p.alpha_y, p.angle_degrees);
                     desk.hand.end_pick();
                 }
                 true
             }
             ToolKind::Guide => false,
-            kind => self.pen_down(ui, desk, kind, hit, modifiers),
+            _ => self.pen_down(ui, desk, hit, (at, force)),
         }
     }
 
-    fn pen_down(
-        &mut self,
-        ui: &Ui,
-        desk: &mut Desk,
-        kind: ToolKind,
-        hit: Hit,
-        modifiers: Modifiers,
-    ) -> bool {
-        let Some(pointer) = ui.input(|i| i.pointer.interact_pos()) else {
-            return false;
-        };
+    fn pen_down(&mut self, ui: &Ui, desk: &mut Desk, hit: Hit, (at, force): (Pos2, f32)) -> bool {
         if !desk.ready_layer() {
             return true;
         }
+        let modifiers = ui.input(|i| i.modifiers);
         let mut brush = desk
             .hand
             .stroke_brush(modifiers.command && !modifiers.shift);
         let seed = desk.stroke_seed();
-        if kind == ToolKind::Fill {
+        if desk.hand.kind() == ToolKind::Fill {
             // The whole map, wherever it is asked for.
             let begun = desk.studio.begin_stroke(brush.into(), seed);
             if let (Some(()), Some(point)) = (desk.told(begun), Point::new(hit.uv, 1.0)) {
@@ -274,7 +267,7 @@ impl ViewportPane {
         }
         let begun = desk.studio.begin_mesh_stroke(brush.into(), seed);
         if desk.told(begun).is_some() {
-            let here = (self.pixel(ui, pointer), pressure(ui));
+            let here = (self.pixel(ui, at), force);
             let camera = desk.studio.scene().camera;
             let line_from = self
                 .last_end
@@ -287,24 +280,19 @@ impl ViewportPane {
         true
     }
 
-    fn pen_moves(&mut self, ui: &Ui, desk: &mut Desk, mut from: (Vec2, f32)) {
-        let force = pressure(ui);
-        let motions: Vec<Pos2> = ui.input(|i| {
-            let moved = i.events.iter().filter_map(|e| match e {
-                Event::PointerMoved(at) => Some(*at),
-                _ => None,
-            });
-            moved.collect()
-        });
-        for at in motions {
-            let to = (self.pixel(ui, at), force);
-            if to.0 != from.0 {
-                desk.studio.mesh_stroke_along(from, to);
-                from = to;
-            }
+    fn go_on(&mut self, ui: &Ui, desk: &mut Desk, from: (Vec2, f32), (at, force): (Pos2, f32)) {
+        let to = (self.pixel(ui, at), force);
+        if to.0 != from.0 {
+            desk.studio.mesh_stroke_along(from, to);
         }
-        self.drawing = Some(from);
-        self.last_end = Some((from.0, desk.studio.scene().camera));
+        self.drawing = Some(to);
+        self.last_end = Some((to.0, desk.studio.scene().camera));
+    }
+
+    fn pen_up(&mut self, desk: &mut Desk) {
+        if self.drawing.take().is_some() {
+            desk.end_stroke();
+        }
     }
 
     /// Takes the stroke in flight away; `true` when there was one.
@@ -597,10 +585,10 @@ fn mesh_choice(ui: &mut Ui, desk: &mut Desk) {
     let mut chosen = None;
     egui::ComboBox::from_id_salt("mesh")
         .width(64.0)
-        .selected_text(mesh_name(&now))
+        .selected_text(sentence(&now))
         .show_ui(ui, |ui| {
             for mesh in MESHES {
-                if ui.selectable_label(mesh == now, mesh_name(mesh)).clicked() {
+                if ui.selectable_label(mesh == now, sentence(mesh)).clicked() {
                     chosen = Some(mesh);
                 }
             }
@@ -624,13 +612,6 @@ fn mesh_choice(ui: &mut Ui, desk: &mut Desk) {
 pub(crate) fn set_mesh(desk: &mut Desk, mesh: &str) {
     let set = desk.studio.set_mesh(mesh);
     desk.told(set);
-}
-
-fn mesh_name(mesh: &str) -> String {
-    let mut letters = mesh.chars();
-    letters
-        .next()
-        .map_or(String::new(), |f| f.to_uppercase().chain(letters).collect())
 }
 
 /// Chooses a model, with the map or with its mean; `true` when another was chosen.

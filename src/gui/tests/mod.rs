@@ -9,6 +9,7 @@ use super::app::App;
 use super::canvas::Kind;
 use super::desk::Panes;
 use super::dialogs::Dialog;
+use anisomap::paint::Points;
 use anisomap::recipe::{RecipeFile, Source};
 use anisomap::studio::action::Action;
 use anisomap::studio::hand::ToolKind;
@@ -170,6 +171,51 @@ fn a_stroke_is_painted_undone_and_done_again() {
     press(&mut window, "Ctrl+Z");
     press(&mut window, "Ctrl+Shift+Z");
     assert!(map(&window) == painted, "both keys redo");
+}
+
+#[test]
+fn a_stroke_that_lies_within_one_slow_frame_is_painted_whole() {
+    for place in ["Paint canvas", "3D view"] {
+        let (mut window, _folder) = window();
+        let rect = window.get_by_role_and_label(Role::Canvas, place).rect();
+        // Both the map and the torus's front are there.
+        let at = |t: f32| rect.lerp_inside(vec2(0.4 + 0.2 * t, 0.62));
+        let press = |pos, pressed| Event::PointerButton {
+            pos,
+            button: eframe::egui::PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        };
+        let mut events = vec![Event::PointerMoved(at(-0.5)), Event::PointerMoved(at(0.0))];
+        events.push(press(at(0.0), true));
+        events.extend((1..=8).map(|i| Event::PointerMoved(at(i as f32 / 8.0))));
+        events.push(press(at(1.0), false));
+        window.input_mut().events = events;
+        window.step();
+        window.run_steps(3);
+        assert_eq!(
+            strokes(&window),
+            1,
+            "{place}: {:?}",
+            window.state().desk.messages.texts()
+        );
+        if place == "3D view" {
+            continue;
+        }
+        stroke(&mut window, (0.4, 0.62), (0.6, 0.62));
+        let Source::Strokes(all) = &window.state().desk.studio.recipe().layers[1].source else {
+            panic!()
+        };
+        let ends = all.strokes.iter().map(|s| match s.points() {
+            Points::Uv(points) => [points[0].uv(), points[points.len() - 1].uv()],
+            Points::Mesh(_) => panic!("it was painted on the map"),
+        });
+        let ends: Vec<_> = ends.collect();
+        for end in 0..2 {
+            let apart = ends[0][end].distance(ends[1][end]);
+            assert!(apart < 1e-3, "as in frames of its own: {ends:?}");
+        }
+    }
 }
 
 #[test]
