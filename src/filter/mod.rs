@@ -2,12 +2,14 @@
 
 mod bleed;
 mod comb;
+mod fetch;
 mod pyramid;
 mod radial;
 mod resize;
 
 pub use bleed::{Surroundings, is_round};
 pub use comb::{Combed, Line, comb};
+pub use fetch::Room;
 pub use pyramid::Pyramid;
 pub use radial::Disc;
 pub(crate) use radial::center_of;

@@ -4,7 +4,8 @@
 //! of [`SlopeCovariance`], and a fetch between texels and levels is a weighted sum of it. Averaging widths and directions
 //! instead keeps the peak and loses the shape: brushed metal seen from afar must grow rough across its grooves.
 
-use crate::map::{AnisoMap, Rect, Region, Size, SlopeCovariance, Texel, gathered};
+use super::fetch::{CHUNK, Room, Texels, blend_planes};
+use crate::map::{AnisoMap, Rect, Region, Size, SlopeCovariance, Texel};
 use crate::math;
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
@@ -16,18 +17,14 @@ use std::ops::{Add, Mul, Range};
 /// How much longer than wide a footprint may be; a longer one is taken as wider.
 const RATIO_MAX: f32 = 8.0;
 /// Larger maps are read from their planes: a copy would cost gigabytes.
-const SIDE_BY_SIDE_MAX: usize = 1 << 24;
-/// Fetches whose places are worked out at once.
-const CHUNK: usize = 256;
+const PACKED_MAX: usize = 1 << 24;
 
 /// A map and its levels, each half the size of the one before, down to 1x1. Costs a third of the map's texels at 12 bytes,
-/// and for maps up to 4096x4096 all of them again at 16 bytes: a texel's four numbers side by side, so that a fetch meets two
-/// lines of the cache and not eight.
+/// and for maps up to 4096x4096 all of them again at eight bytes, so that a fetch meets two lines of the cache and not eight.
 pub struct Pyramid<'a> {
     base: Cow<'a, AnisoMap>,
-    /// alpha_x, alpha_y, cos 2θ, sin 2θ of each texel, in rows that end with what lies to the right of the map's last column;
-    /// empty for a map that is too large.
-    texels: Vec<[f32; 4]>,
+    /// For plain fetches; none of a map that is too large.
+    texels: Option<Texels>,
     /// From half size on.
     levels: Vec<Level>,
 }
@@ -102,18 +99,11 @@ impl<'a> Pyramid<'a> {
             size = next.size;
             levels.push(next);
         }
-        let mut pyramid = Self {
-            texels: Vec::new(),
+        Self {
+            texels: (base.size().texels() <= PACKED_MAX).then(|| Texels::new(&base)),
             base,
             levels,
-        };
-        let size = pyramid.base.size();
-        if size.texels() <= SIDE_BY_SIDE_MAX {
-            let places = (size.width() as usize + 1) * size.height() as usize;
-            pyramid.texels = vec![[0.0; 4]; places];
-            pyramid.lay_side_by_side(&[size.rect()]);
         }
-        pyramid
     }
 
     /// Changes texels of a rectangle of the map and of the levels above it: afterwards all is as if it were made anew from
@@ -152,7 +142,9 @@ impl<'a> Pyramid<'a> {
 
     /// Brings everything over some rectangles of the map up to date.
     fn follow(&mut self, mut rects: Vec<Rect>) {
-        self.lay_side_by_side(&rects);
+        if let Some(texels) = &mut self.texels {
+            texels.lay(&self.base, &rects);
+        }
         let mut size = self.base.size();
         for i in 0..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
@@ -166,41 +158,6 @@ impl<'a> Pyramid<'a> {
             next.fill_from(below.last(), &self.base, &rects, size);
             size = next.size;
         }
-    }
-
-    /// Copies rectangles of the map to where fetches find them.
-    fn lay_side_by_side(&mut self, rects: &[Rect]) {
-        if self.texels.is_empty() {
-            return;
-        }
-        let base = self.base.as_ref();
-        let width = base.width() as usize;
-        let beyond = if base.wrap().repeats_u() {
-            0
-        } else {
-            width - 1
-        };
-        self.texels
-            .par_chunks_mut((width + 1) * BAND)
-            .zip((0..base.height()).into_par_iter().step_by(BAND))
-            .for_each(|(band, first)| {
-                for (y, columns) in rows_in(rects, first, band.len() / (width + 1)) {
-                    let row = &mut band[(y - first) as usize * (width + 1)..][..=width];
-                    let start = y as usize * width;
-                    let planes = [base.alpha_x(), base.alpha_y(), base.cos2(), base.sin2()];
-                    let [ax, ay, c, s] =
-                        planes.map(|p| &p[start + columns.start..start + columns.end]);
-                    let texels = row[columns.clone()].iter_mut();
-                    for ((texel, (ax, ay)), (c, s)) in
-                        texels.zip(ax.iter().zip(ay)).zip(c.iter().zip(s))
-                    {
-                        *texel = [*ax, *ay, *c, *s];
-                    }
-                    if columns.contains(&beyond) {
-                        row[width] = row[beyond];
-                    }
-                }
-            });
     }
 
     /// The map itself.
@@ -248,50 +205,25 @@ impl<'a> Pyramid<'a> {
         sum.to_texel(x_is_wide, nearest.axis)
     }
 
-    /// The bilinear blend of alphas and double-angle vectors at each texture coordinate, (alpha_x, alpha_y, cos 2θ, sin 2θ) with
-    /// a vector that is not yet of unit length: [`AnisoMap::sample`] before its end.
+    /// The bilinear blend of alphas and double-angle vectors at each texture coordinate: alpha_x, alpha_y, cos 2θ, sin 2θ, a
+    /// vector that is not yet of unit length. [`AnisoMap::sample`] before its end, to 2e-6 of a width and 2e-6 rad.
     ///
     /// # Panics
     /// When the slices have different lengths.
-    pub fn fetch_plain(&self, u: &[f32], v: &[f32], out: &mut [[f32; 4]]) {
-        assert!(u.len() == out.len() && v.len() == out.len(), "one length");
-        let level = math::level();
-        let (w, h) = (self.base.width(), self.base.height());
-        let wrap = self.base.wrap();
-        let mut columns = Places::new();
-        let mut rows = Places::new();
-        let chunks = u.chunks(CHUNK).zip(v.chunks(CHUNK));
-        for ((u, v), out) in chunks.zip(out.chunks_mut(CHUNK)) {
-            dispatch!(level, simd => places(simd, &mut columns, u, (1.0, 0.0), w, wrap.repeats_u()));
-            dispatch!(level, simd => places(simd, &mut rows, v, (-1.0, 1.0), h, wrap.repeats_v()));
-            if self.texels.is_empty() {
-                self.blend_planes(&columns, &rows, out);
-            } else {
-                let texels = bytemuck::cast_slice(&self.texels);
-                dispatch!(level, simd => blend(simd, &columns, &rows, w + 1, texels, out));
-            }
-        }
-    }
-
-    /// A blend of four texels of the map for each place.
-    fn blend_planes(&self, columns: &Places, rows: &Places, out: &mut [[f32; 4]]) {
-        let width = self.base.width() as usize;
-        for (i, out) in out.iter_mut().enumerate() {
-            let (x, y) = (columns.share[i], rows.share[i]);
-            let (left, right) = (columns.low[i] as usize, columns.high[i] as usize);
-            let (top, bottom) = (rows.low[i] as usize * width, rows.high[i] as usize * width);
-            let row = |start: usize| {
-                let (a, b) = (
-                    four(&self.base, start + left),
-                    four(&self.base, start + right),
-                );
-                [0, 1, 2, 3].map(|c| (a[c], b[c]))
-            };
-            let (above, below) = (row(top), row(bottom));
-            for c in 0..4 {
-                let down = |a: f32, b: f32| a * (1.0 - y) + b * y;
-                let (left, right) = (down(above[c].0, below[c].0), down(above[c].1, below[c].1));
-                out[c] = left * (1.0 - x) + right * x;
+    pub fn fetch_plain(&self, room: &mut Room, u: &[f32], v: &[f32], out: [&mut [f32]; 4]) {
+        let all = u.len();
+        let alike = out.iter().all(|c| c.len() == all) && v.len() == all;
+        assert!(alike, "one length");
+        let mut rest = out;
+        for (u, v) in u.chunks(CHUNK).zip(v.chunks(CHUNK)) {
+            let out = rest.each_mut().map(|c| {
+                c.split_off_mut(..u.len())
+                    .expect("as long as the coordinates")
+            });
+            room.places.find(&self.base, u, v);
+            match &self.texels {
+                Some(texels) => texels.blend(room, out),
+                None => blend_planes(&self.base, &room.places, out),
             }
         }
     }
@@ -337,59 +269,6 @@ impl<'a> Pyramid<'a> {
     }
 }
 
-/// Where fetches lie along one side of the map: between which two texels, and how far from the first.
-struct Places {
-    low: [u32; CHUNK],
-    high: [u32; CHUNK],
-    share: [f32; CHUNK],
-}
-
-impl Places {
-    fn new() -> Self {
-        Self {
-            low: [0; CHUNK],
-            high: [0; CHUNK],
-            share: [0.0; CHUNK],
-        }
-    }
-}
-
-/// The rules of [`Wrap::footprint`](crate::map::Wrap::footprint) without a branch, for `sign` times each coordinate plus
-/// `offset`. Where the side ends, both texels are the last, or the share is 0.
-#[simd]
-fn places<S: Simd>(
-    _: S,
-    places: &mut Places,
-    at: &[f32],
-    (sign, offset): (f32, f32),
-    texels: u32,
-    repeats: bool,
-) {
-    let n = texels as f32;
-    let last = texels as i32 - 1;
-    let all = at.len().min(CHUNK);
-    let (low, high) = (&mut places.low[..all], &mut places.high[..all]);
-    let share = &mut places.share[..all];
-    for i in 0..all {
-        let t = at[i] * sign + offset;
-        let t = if t.abs() < f32::INFINITY { t } else { 0.0 };
-        let clamped = if t < 0.0 { 0.0 } else { t };
-        let clamped = if clamped > 1.0 { 1.0 } else { clamped };
-        let t = if repeats { t - t.floor() } else { clamped };
-        let x = t * n - 0.5;
-        // Between -0.5 and 32767.5.
-        let floor = math::floor_fast(x);
-        let whole = math::whole(floor);
-        let before = whole < 0;
-        share[i] = if before & !repeats { 0.0 } else { x - floor };
-        let under = if repeats { last } else { 0 };
-        let over = if repeats { 0 } else { last };
-        let next = whole + 1;
-        low[i] = (if before { under } else { whole }) as u32;
-        high[i] = (if next > last { over } else { next }) as u32;
-    }
-}
-
 /// [`Pyramid::varieties`]
 #[simd]
 fn varieties<S: Simd>(
@@ -431,44 +310,6 @@ fn varieties<S: Simd>(
             level.texels[row * width as usize + column].variety()
         });
     }
-}
-
-/// A blend of four texels for each place; `texels` holds four numbers of each, in rows of `stride` in which the right
-/// neighbour of every column stands beside it.
-#[simd]
-fn blend<S: Simd>(
-    _: S,
-    columns: &Places,
-    rows: &Places,
-    stride: u32,
-    texels: &[f32],
-    out: &mut [[f32; 4]],
-) {
-    let n = out.len().min(CHUNK);
-    for i in 0..n {
-        let (x, y) = (columns.share[i], rows.share[i]);
-        let pair = |row: u32| {
-            let start = (row * stride + columns.low[i]) as usize * 4;
-            &texels[start..start + 8]
-        };
-        let (above, below) = (pair(rows.low[i]), pair(rows.high[i]));
-        let mut both = [0.0; 8];
-        for c in 0..8 {
-            both[c] = above[c] * (1.0 - y) + below[c] * y;
-        }
-        for c in 0..4 {
-            out[i][c] = both[c] * (1.0 - x) + both[4 + c] * x;
-        }
-    }
-}
-
-fn four(map: &AnisoMap, i: usize) -> [f32; 4] {
-    [
-        map.alpha_x()[i],
-        map.alpha_y()[i],
-        map.cos2()[i],
-        map.sin2()[i],
-    ]
 }
 
 /// Lengths of the long and the short side of the ellipse that the unit circle of pixels becomes, and the unit vector along
@@ -641,7 +482,11 @@ fn each_row(
 }
 
 /// The parts of `rows` rows from `first` on that lie in any of some rectangles.
-fn rows_in(rects: &[Rect], first: u32, rows: usize) -> impl Iterator<Item = (u32, Range<usize>)> {
+pub(super) fn rows_in(
+    rects: &[Rect],
+    first: u32,
+    rows: usize,
+) -> impl Iterator<Item = (u32, Range<usize>)> {
     rects.iter().flat_map(move |r| {
         let (top, bottom) = (r.y.max(first), (r.y + r.height).min(first + rows as u32));
         let columns = r.x as usize..(r.x + r.width) as usize;
@@ -742,9 +587,10 @@ mod tests {
                 let u: Vec<f32> = (0..999).map(|i| strange(i % 700)).collect();
                 let v: Vec<f32> = (0..999).map(|i| strange((i * 7) % 611)).collect();
                 let uv = |i: usize| Vec2::new(u[i], v[i]);
-                let mut out = vec![[0.0; 4]; 999];
-                pyramid.fetch_plain(&u, &v, &mut out);
-                for (i, [x, y, c, s]) in out.into_iter().enumerate() {
+                let mut out = [[0.0; 999]; 4];
+                pyramid.fetch_plain(&mut Room::new(), &u, &v, out.each_mut().map(|c| &mut c[..]));
+                for i in 0..999 {
+                    let [x, y, c, s] = out.map(|lane| lane[i]);
                     let want = map.sample(uv(i).x, uv(i).y);
                     let got = crate::map::settle(x, y, c, s);
                     assert!(
@@ -756,7 +602,7 @@ mod tests {
                     assert!(got.axis.angle_to(want.axis) < 1e-5);
                 }
                 // The same from the planes.
-                pyramid.texels = Vec::new();
+                pyramid.texels = None;
             }
         }
     }

@@ -2,7 +2,7 @@
 //! cache, and no branch, so that every CPU level compiles them to its widest vectors and gives the same bits.
 
 use crate::brdf::kernel;
-use crate::filter::Pyramid;
+use crate::filter::{Pyramid, Room};
 use crate::map::{ALPHA_MAX, ALPHA_MIN};
 use crate::math::AXIS_MIN_LENGTH;
 use crate::raster::{self, Lanes, Rays};
@@ -40,7 +40,8 @@ pub(super) struct Chunk {
     /// The variance of slope inside a sample, in the tangent frame, that the surface's bend alone makes: uu, uv, vv.
     bend: [Lane; 3],
     /// alpha_x, alpha_y, cos 2θ, sin 2θ: blended, not yet of unit length.
-    pub(super) texel: [[f32; 4]; CHUNK],
+    pub(super) texel: [Lane; 4],
+    room: Room,
     /// How different the lobes under the footprint are; see [`Pyramid::varieties`].
     variety: Lane,
     /// The share of the specular light that the lobe stands for.
@@ -94,7 +95,8 @@ impl Chunk {
             uv_change: [[zero; 2]; 2],
             view: [zero; 3],
             bend: [zero; 3],
-            texel: [[0.0; 4]; CHUNK],
+            texel: [zero; 4],
+            room: Room::new(),
             variety: zero,
             share: [1.0; CHUNK],
             lobe: [zero; 4],
@@ -135,6 +137,19 @@ fn put(lanes: &mut [Lane; 3], i: usize, [x, y, z]: [f32; 3]) {
     lanes[0][i] = x;
     lanes[1][i] = y;
     lanes[2][i] = z;
+}
+
+#[inline(always)]
+fn four(lanes: &[Lane; 4], i: usize) -> [f32; 4] {
+    [lanes[0][i], lanes[1][i], lanes[2][i], lanes[3][i]]
+}
+
+#[inline(always)]
+fn put4(lanes: &mut [Lane; 4], i: usize, [a, b, c, d]: [f32; 4]) {
+    lanes[0][i] = a;
+    lanes[1][i] = b;
+    lanes[2][i] = c;
+    lanes[3][i] = d;
 }
 
 /// The part of `a` at right angles to the unit vector `n`.
@@ -306,22 +321,16 @@ pub(super) fn lobes<S: Simd>(_: S, chunk: &mut Chunk, n: usize, widen: bool) {
     let n = n.min(CHUNK);
     if widen {
         for i in 0..n {
-            let texel = settled(chunk.texel[i], chunk.usable[i]);
+            let texel = settled(four(&chunk.texel, i), chunk.usable[i]);
             let [x, y, c, s] = widened(texel, get(&chunk.bend, i));
             let lobe = kernel::prepare(x, y, c, s);
-            chunk.lobe[0][i] = lobe[0];
-            chunk.lobe[1][i] = lobe[1];
-            chunk.lobe[2][i] = lobe[2];
-            chunk.lobe[3][i] = lobe[3];
+            put4(&mut chunk.lobe, i, lobe);
         }
     } else {
         for i in 0..n {
-            let [x, y, c, s] = settled(chunk.texel[i], chunk.usable[i]);
+            let [x, y, c, s] = settled(four(&chunk.texel, i), chunk.usable[i]);
             let lobe = kernel::prepare(x, y, c, s);
-            chunk.lobe[0][i] = lobe[0];
-            chunk.lobe[1][i] = lobe[1];
-            chunk.lobe[2][i] = lobe[2];
-            chunk.lobe[3][i] = lobe[3];
+            put4(&mut chunk.lobe, i, lobe);
         }
     }
 }
@@ -450,7 +459,8 @@ pub(super) fn gather<S: Simd>(
 /// The map at each fragment's texture coordinate.
 pub(super) fn fetch(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize) {
     let [u, v] = &chunk.uv;
-    pyramid.fetch_plain(&u[..n], &v[..n], &mut chunk.texel[..n]);
+    let out = chunk.texel.each_mut().map(|c| &mut c[..n]);
+    pyramid.fetch_plain(&mut chunk.room, &u[..n], &v[..n], out);
 }
 
 /// Footprints whose lobes differ less than this are told by any of them.
@@ -476,7 +486,8 @@ pub(super) fn average(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize) -> boo
         if variety > ALIKE && variety <= VARIED {
             let [dx, dy] = change.map(|[u, v]| Vec2::new(u[i], v[i]));
             let t = pyramid.sample(Vec2::new(u[i], v[i]), dx, dy);
-            chunk.texel[i] = [t.alpha_x, t.alpha_y, t.axis.cos2, t.axis.sin2];
+            let texel = [t.alpha_x, t.alpha_y, t.axis.cos2, t.axis.sin2];
+            put4(&mut chunk.texel, i, texel);
         }
     }
     any
@@ -500,11 +511,12 @@ pub(super) fn fetch_tap(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize, [x, 
                 chunk.uv[c][i] + (chunk.uv_change[0][c][i] * x + chunk.uv_change[1][c][i] * y);
         }
     }
-    let mut texels = [[0.0; 4]; CHUNK];
-    pyramid.fetch_plain(&uv[0][..n], &uv[1][..n], &mut texels[..n]);
-    for i in 0..n {
-        if chunk.variety[i] > VARIED {
-            chunk.texel[i] = texels[i];
+    let mut texels = [[0.0; CHUNK]; 4];
+    let out = texels.each_mut().map(|c| &mut c[..n]);
+    pyramid.fetch_plain(&mut chunk.room, &uv[0][..n], &uv[1][..n], out);
+    for (old, new) in chunk.texel.iter_mut().zip(&texels) {
+        for i in 0..n {
+            old[i] = choose(chunk.variety[i] > VARIED, new[i], old[i]);
         }
     }
 }

@@ -214,9 +214,12 @@ impl<'a> Shader<'a> {
         for (y, line) in (rect.y..).zip(lines) {
             // Sixteen pixels at a time are whole vectors of any width.
             let sixteen = [self.behind(y).to_array(); 16];
-            for pixels in line.chunks_mut(16) {
-                pixels.copy_from_slice(&sixteen[..pixels.len()]);
+            let mut all = line.chunks_exact_mut(16);
+            for pixels in &mut all {
+                pixels.copy_from_slice(&sixteen);
             }
+            let rest = all.into_remainder();
+            rest.copy_from_slice(&sixteen[..rest.len()]);
         }
     }
 
@@ -280,7 +283,9 @@ impl<'a> Shader<'a> {
         }
         let varied = timings.time(Stage::Fetch, || match self.mean {
             Some(texel) => {
-                chunk.texel[..n].fill(texel);
+                for (lane, number) in chunk.texel.iter_mut().zip(texel) {
+                    lane[..n].fill(number);
+                }
                 false
             }
             None => {

@@ -5,7 +5,7 @@ use crate::convention::MapInfo;
 use crate::error::{Error, Result};
 use crate::export::exr::{Precision, write_master};
 use crate::export::{Export, png};
-use crate::filter::Pyramid;
+use crate::filter::{Pyramid, Room};
 use crate::import::exr::read_master;
 use crate::map::{ALPHA_MAX, AnisoMap, DEFAULT_TEXEL, Size, SlopeCovariance, Texel, Wrap};
 use crate::math::{self, Axis};
@@ -199,13 +199,18 @@ pub(super) fn crossings() -> Result<Evidence> {
         axis: [Axis::U, Axis::V][((x + y) % 2) as usize],
         ..texel(0.1, 0.4, 0.0)
     })?;
-    let pyramid = Pyramid::new(&map);
+    let (pyramid, mut room) = (Pyramid::new(&map), Room::new());
     let mut evidence = Evidence::NONE;
     for i in 0..64 * 64u16 {
         let uv = Vec2::new(f32::from(i % 64), f32::from(i / 64)) / 64.0;
-        let mut raw = [[0.0f32; 4]];
-        pyramid.fetch_plain(&[uv.x], &[uv.y], &mut raw);
-        let [[_, _, cos2, sin2]] = raw;
+        let mut raw = [[0.0f32]; 4];
+        pyramid.fetch_plain(
+            &mut room,
+            &[uv.x],
+            &[uv.y],
+            raw.each_mut().map(|c| &mut c[..]),
+        );
+        let [_, _, [cos2], [sin2]] = raw;
         let length = (cos2 * cos2 + sin2 * sin2).sqrt();
         let (cos2, sin2) = (cos2 / length, sin2 / length);
         evidence.naive += f64::from(!(cos2 + sin2).is_finite());
