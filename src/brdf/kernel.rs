@@ -44,6 +44,25 @@ pub fn prepare(alpha_x: f32, alpha_y: f32, cos2: f32, sin2: f32) -> [f32; 4] {
     [c, s, 1.0 / raised(alpha_x), 1.0 / raised(alpha_y)]
 }
 
+/// The same from a double angle of any length down to [`AXIS_MIN_LENGTH`](crate::math::AXIS_MIN_LENGTH), with half of the
+/// divisions.
+#[inline(always)]
+pub fn prepare_blend(alpha_x: f32, alpha_y: f32, cos2: f32, sin2: f32) -> [f32; 4] {
+    // (|v| + |cos 2θ|, |sin 2θ|) lies along the half angle, and the square of its length is 2 |v| (|v| + |cos 2θ|).
+    let length = (cos2 * cos2 + sin2 * sin2).sqrt();
+    let along = length + cos2.abs();
+    let inverse = 1.0 / (2.0 * length * along).sqrt();
+    let (big, small) = (along * inverse, sin2.abs() * inverse);
+    let sign = if sin2 < 0.0 { -1.0 } else { 1.0 };
+    let right = cos2 >= 0.0;
+    let c = if right { big } else { small };
+    let s = sign * if right { small } else { big };
+    let raised = |a: f32| if a < ALPHA_FLOOR { ALPHA_FLOOR } else { a };
+    let (x, y) = (raised(alpha_x), raised(alpha_y));
+    let both = 1.0 / (x * y);
+    [c, s, y * both, x * both]
+}
+
 /// Writes f_r n.l of every pixel to `out`: at least 0 and finite for any numbers whatever, as [`shade`](super::shade).
 ///
 /// # Panics
@@ -273,7 +292,7 @@ fn blinn_phong<S: Simd>(_: S, batch: &Batch<'_>, out: &mut [f32]) {
 mod tests {
     use super::super::{shade as shade_one, shade_f64};
     use super::*;
-    use crate::math::{self, levels};
+    use crate::math::{self, Axis, levels};
     use glam::{DVec2, DVec3};
 
     const MODELS: [Model; 8] = [
@@ -430,6 +449,21 @@ mod tests {
                 // A few roundings, which the exponent multiplies; 1e-6 is no light.
                 let few = 6e-5 * want + 1e-6;
                 assert!((got - want).abs() <= few, "{model} {i}: {got} {want}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_blend_is_prepared_as_what_it_settles_to() {
+        for i in 0..5000 {
+            let (x, y) = (0.001 + 1.4 * random(i, 0), 0.001 + 1.4 * random(i, 1));
+            let axis = Axis::from_radians(7.0 * random(i, 2));
+            let length = 0.001 + random(i, 3);
+            let want = prepare(x, y, axis.cos2, axis.sin2);
+            let got = prepare_blend(x, y, axis.cos2 * length, axis.sin2 * length);
+            for k in 0..4 {
+                let error = (got[k] - want[k]).abs();
+                assert!(error <= 4e-7 * want[k].abs().max(0.5), "{got:?} {want:?}");
             }
         }
     }

@@ -327,12 +327,27 @@ pub(super) fn lobes<S: Simd>(_: S, chunk: &mut Chunk, n: usize, widen: bool) {
             put4(&mut chunk.lobe, i, lobe);
         }
     } else {
+        let mut any_odd = 0;
         for i in 0..n {
-            let [x, y, c, s] = settled(four(&chunk.texel, i), chunk.usable[i]);
-            let lobe = kernel::prepare(x, y, c, s);
-            put4(&mut chunk.lobe, i, lobe);
+            let [x, y, cos2, sin2] = four(&chunk.texel, i);
+            put4(&mut chunk.lobe, i, kernel::prepare_blend(x, y, cos2, sin2));
+            any_odd |= u32::from(is_odd(cos2, sin2, chunk.usable[i]));
+        }
+        for i in 0..if any_odd == 0 { 0 } else { n } {
+            let [x, y, cos2, sin2] = four(&chunk.texel, i);
+            if is_odd(cos2, sin2, chunk.usable[i]) {
+                let [x, y, c, s] = settled([x, y, cos2, sin2], chunk.usable[i]);
+                put4(&mut chunk.lobe, i, kernel::prepare(x, y, c, s));
+            }
         }
     }
+}
+
+/// Whether a blend or the mesh has no direction; few fragments are so.
+#[inline(always)]
+fn is_odd(cos2: f32, sin2: f32, usable: f32) -> bool {
+    let directed = cos2 * cos2 + sin2 * sin2 >= AXIS_MIN_LENGTH * AXIS_MIN_LENGTH;
+    !(directed & (usable > 0.5))
 }
 
 /// The same from one texel everywhere, not widened: a lobe where the mesh has a tangent, another where it has none.
@@ -426,7 +441,7 @@ pub(super) fn toward_place<S: Simd>(_: S, chunk: &mut Chunk, n: usize, place: [f
         let b = dot(d, get(&chunk.frame[1], i));
         let n = dot(d, get(&chunk.frame[2], i));
         put(&mut chunk.light, i, scaled([t, b, n], inverse));
-        chunk.falloff[i] = 1.0 / at_least(square, 1e-12);
+        chunk.falloff[i] = choose(square > 1e-12, inverse * inverse, 1e12);
     }
 }
 
