@@ -112,7 +112,7 @@ impl Row {
 
     /// A weighted sum.
     #[inline(always)]
-    pub(super) fn mix<S: Simd>(simd: S, rows: [&Self; 3], weights: [f64; 3]) -> Self {
+    pub(super) fn mix<S: Simd>(simd: S, rows: [&Self; 3], weights: [f32; 3]) -> Self {
         let [a, b, c] = rows;
         let mut row = [0.0; 8];
         (a.times(simd, weights[0]) + b.times(simd, weights[1]) + c.times(simd, weights[2]))
@@ -121,8 +121,8 @@ impl Row {
     }
 
     #[inline(always)]
-    fn times<S: Simd>(&self, simd: S, weight: f64) -> f32x8<S> {
-        f32x8::from_slice(simd, &self.0) * weight as f32
+    fn times<S: Simd>(&self, simd: S, weight: f32) -> f32x8<S> {
+        f32x8::from_slice(simd, &self.0) * weight
     }
 }
 

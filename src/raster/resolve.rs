@@ -14,7 +14,7 @@ use crate::mesh::Mesh;
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, dispatch, f32x16, u8x16, u32x16};
 use fearless_simd_macros::simd;
-use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use std::ops::Range;
 
 /// Samples whose numbers are written at once.
@@ -310,11 +310,148 @@ struct Linear<T> {
     dy: T,
 }
 
+/// Triangles whose functions are worked out at once.
+const BATCH: usize = 16;
+
+/// Triangles that some samples of a tile see, side by side.
+struct Batch {
+    count: usize,
+    triangles: [u32; BATCH],
+    runs: [(usize, usize); BATCH],
+    given: Given,
+    shares: Shares,
+}
+
+/// Where the corners of triangles are: column and row in samples, and q.
+struct Given {
+    x: [[f64; BATCH]; 3],
+    y: [[f64; BATCH]; 3],
+    q: [[f64; BATCH]; 3],
+}
+
+/// What the corners of triangles contribute, as linear functions over the samples around the middle of each.
+struct Shares {
+    /// The sample that offsets are counted from.
+    from: [[f32; BATCH]; 2],
+    /// Of each corner, for a perspective view times its q.
+    corners: [Linear<[f32; BATCH]>; 3],
+    q: Linear<[f32; BATCH]>,
+    /// 1 where this way is exact enough; else the triangle must be taken carefully.
+    fast: [u32; BATCH],
+    /// 1 where the corners wind counter-clockwise as seen.
+    counter_clockwise: [u32; BATCH],
+}
+
+impl Batch {
+    fn new() -> Self {
+        const ZERO: [f32; BATCH] = [0.0; BATCH];
+        const LINEAR: Linear<[f32; BATCH]> = Linear {
+            at: ZERO,
+            dx: ZERO,
+            dy: ZERO,
+        };
+        Self {
+            count: 0,
+            triangles: [0; BATCH],
+            runs: [(0, 0); BATCH],
+            given: Given {
+                x: [[0.0; BATCH]; 3],
+                y: [[0.0; BATCH]; 3],
+                q: [[0.0; BATCH]; 3],
+            },
+            shares: Shares {
+                from: [ZERO; 2],
+                corners: [LINEAR; 3],
+                q: LINEAR,
+                fast: [0; BATCH],
+                counter_clockwise: [0; BATCH],
+            },
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, triangle: u32, corners: [&Corner; 3], run: &Range<usize>) {
+        let i = self.count;
+        self.triangles[i] = triangle;
+        self.runs[i] = (run.start, run.end);
+        for (k, corner) in corners.into_iter().enumerate() {
+            self.given.x[k][i] = corner.at.x;
+            self.given.y[k][i] = corner.at.y;
+            self.given.q[k][i] = corner.q;
+        }
+        self.count += 1;
+    }
+}
+
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+impl Shares {
+    #[inline(always)]
+    fn work_out(&mut self, given: &Given, perspective: bool) {
+        // 1.5 * 2^52: adding it leaves a whole number.
+        const ROUND: f64 = 6_755_399_441_055_744.0;
+        let (x, y, q) = (&given.x, &given.y, &given.q);
+        for j in 0..BATCH {
+            let (x0, x1, x2) = (x[0][j], x[1][j], x[2][j]);
+            let (y0, y1, y2) = (y[0][j], y[1][j], y[2][j]);
+            let (q0, q1, q2) = (q[0][j], q[1][j], q[2][j]);
+            let (sx0, sx1, sx2) = (x2 - x1, x0 - x2, x1 - x0);
+            let (sy0, sy1, sy2) = (y2 - y1, y0 - y2, y1 - y0);
+            let twice = sy2 * sx1 - sx2 * sy1;
+            let longest = larger(
+                larger(sx0 * sx0 + sy0 * sy0, sx1 * sx1 + sy1 * sy1),
+                sx2 * sx2 + sy2 * sy2,
+            );
+            let (mx, my) = ((x0 + x1 + x2) * (1.0 / 3.0), (y0 + y1 + y2) * (1.0 / 3.0));
+            // NaN and what lies behind the eye fail these too.
+            let before = (q0 > 0.0) & (q1 > 0.0) & (q2 > 0.0);
+            let high = twice * twice > LEAST_HEIGHT * LEAST_HEIGHT * longest;
+            let near =
+                (mx.abs() < FARTHEST) & (my.abs() < FARTHEST) & (longest < FARTHEST * FARTHEST);
+            self.fast[j] = u32::from(before & high & near);
+            // Rows run downward.
+            self.counter_clockwise[j] = u32::from(twice < 0.0);
+            let (fx, fy) = ((mx - 0.5 + ROUND) - ROUND, (my - 0.5 + ROUND) - ROUND);
+            self.from[0][j] = fx as f32;
+            self.from[1][j] = fy as f32;
+            let (px, py) = (fx + 0.5, fy + 0.5);
+            let (x0, x1, x2) = (x0 - px, x1 - px, x2 - px);
+            let (y0, y1, y2) = (y0 - py, y1 - py, y2 - py);
+            let scale = 1.0 / twice;
+            let (a0, a1, a2) = (
+                (x1 * y2 - y1 * x2) * scale,
+                (x2 * y0 - y2 * x0) * scale,
+                (x0 * y1 - y0 * x1) * scale,
+            );
+            let (r0, r1, r2) = (-sy0 * scale, -sy1 * scale, -sy2 * scale);
+            let (d0, d1, d2) = (sx0 * scale, sx1 * scale, sx2 * scale);
+            self.q.at[j] = (a0 * q0 + a1 * q1 + a2 * q2) as f32;
+            self.q.dx[j] = (r0 * q0 + r1 * q1 + r2 * q2) as f32;
+            self.q.dy[j] = (d0 * q0 + d1 * q1 + d2 * q2) as f32;
+            let w0 = if perspective { q0 } else { 1.0 };
+            let w1 = if perspective { q1 } else { 1.0 };
+            let w2 = if perspective { q2 } else { 1.0 };
+            self.corners[0].at[j] = (a0 * w0) as f32;
+            self.corners[1].at[j] = (a1 * w1) as f32;
+            self.corners[2].at[j] = (a2 * w2) as f32;
+            self.corners[0].dx[j] = (r0 * w0) as f32;
+            self.corners[1].dx[j] = (r1 * w1) as f32;
+            self.corners[2].dx[j] = (r2 * w2) as f32;
+            self.corners[0].dy[j] = (d0 * w0) as f32;
+            self.corners[1].dy[j] = (d1 * w1) as f32;
+            self.corners[2].dy[j] = (d2 * w2) as f32;
+        }
+    }
+}
+
 /// A triangle's attributes as linear functions over the samples around its middle.
 #[derive(Clone, Copy)]
 struct Plane {
     /// The sample that offsets are counted from.
-    from: [i32; 2],
+    from: [f32; 2],
     rows: Linear<Row>,
     q: Linear<f32>,
     /// The change of the attributes' common denominator.
@@ -322,71 +459,31 @@ struct Plane {
 }
 
 impl Plane {
-    /// `None` for a triangle that must be taken carefully. With it whether the corners wind counter-clockwise as seen.
+    /// Of triangle number `j` of a batch.
     #[inline(always)]
     fn new<S: Simd>(
         simd: S,
-        corners: [&Corner; 3],
+        shares: &Shares,
+        j: usize,
         rows: [&Row; 3],
         perspective: bool,
-    ) -> Option<(Self, bool)> {
-        let at = corners.map(|c| c.at);
-        let sides = [at[2] - at[1], at[0] - at[2], at[1] - at[0]];
-        let twice = sides[2].perp_dot(-sides[1]);
-        let longest = sides[0]
-            .length_squared()
-            .max(sides[1].length_squared())
-            .max(sides[2].length_squared());
-        let middle = (at[0] + at[1] + at[2]) * (1.0 / 3.0);
-        // NaN and what lies behind the eye fail these too.
-        let before = corners[0].q > 0.0 && corners[1].q > 0.0 && corners[2].q > 0.0;
-        let high = twice * twice > LEAST_HEIGHT * LEAST_HEIGHT * longest;
-        let near =
-            middle.x.abs() < FARTHEST && middle.y.abs() < FARTHEST && longest < FARTHEST * FARTHEST;
-        if !(before && high && near) {
-            return None;
-        }
-        let from = [middle.x as i32, middle.y as i32];
-        let p = DVec2::new(f64::from(from[0]), f64::from(from[1])) + 0.5;
-        let scale = 1.0 / twice;
-        let offset = at.map(|c| c - p);
-        // The share of each corner, and its change.
-        let at = [
-            offset[1].perp_dot(offset[2]) * scale,
-            offset[2].perp_dot(offset[0]) * scale,
-            offset[0].perp_dot(offset[1]) * scale,
-        ];
-        let dx = sides.map(|s| -s.y * scale);
-        let dy = sides.map(|s| s.x * scale);
-        let q = corners.map(|c| c.q);
-        let sum = |w: [f64; 3]| (w[0] * q[0] + w[1] * q[1] + w[2] * q[2]) as f32;
-        let weights = |w: [f64; 3]| {
-            if perspective {
-                [w[0] * q[0], w[1] * q[1], w[2] * q[2]]
-            } else {
-                w
-            }
+    ) -> Self {
+        let [a, b, c] = &shares.corners;
+        let q = Linear {
+            at: shares.q.at[j],
+            dx: shares.q.dx[j],
+            dy: shares.q.dy[j],
         };
-        let plane = Self {
-            from,
+        Self {
+            from: [shares.from[0][j], shares.from[1][j]],
             rows: Linear {
-                at: Row::mix(simd, rows, weights(at)),
-                dx: Row::mix(simd, rows, weights(dx)),
-                dy: Row::mix(simd, rows, weights(dy)),
+                at: Row::mix(simd, rows, [a.at[j], b.at[j], c.at[j]]),
+                dx: Row::mix(simd, rows, [a.dx[j], b.dx[j], c.dx[j]]),
+                dy: Row::mix(simd, rows, [a.dy[j], b.dy[j], c.dy[j]]),
             },
-            q: Linear {
-                at: sum(at),
-                dx: sum(dx),
-                dy: sum(dy),
-            },
-            q_change: if perspective {
-                [sum(dx), sum(dy)]
-            } else {
-                [0.0; 2]
-            },
-        };
-        // Rows run downward.
-        Some((plane, twice < 0.0))
+            q_change: if perspective { [q.dx, q.dy] } else { [0.0; 2] },
+            q,
+        }
     }
 
     /// A run of fragments of a tile whose first sample is `corner`.
@@ -400,8 +497,8 @@ impl Plane {
         changes: bool,
         out: &mut Lanes,
     ) {
-        let offset = [0, 1].map(|k| (corner[k] - self.from[k]) as f32);
-        let corner = corner.map(|c| c as f32);
+        let corner = [corner[0] as f32, corner[1] as f32];
+        let offset = [corner[0] - self.from[0], corner[1] - self.from[1]];
         for start in run.step_by(WIDE) {
             let column = numbers(simd, &places.columns[start..start + WIDE]);
             let row = numbers(simd, &places.rows[start..start + WIDE]);
@@ -467,46 +564,6 @@ fn splat(lane: &mut Lane, start: usize, value: f32) {
     }
 }
 
-/// What is known of a triangle in a tile.
-struct Surface {
-    plane: Option<Plane>,
-    facing: f32,
-    hand: f32,
-    /// Whether the normal keeps its direction wherever on it.
-    steady: bool,
-}
-
-impl Surface {
-    #[inline(always)]
-    fn new<S: Simd>(simd: S, geometry: &Geometry<'_>, corners: &Corners, triangle: u32) -> Self {
-        let mesh = geometry.mesh();
-        let kind = geometry.kinds[triangle as usize];
-        let vertices = mesh.triangles[triangle as usize];
-        let [a, b, c] = [
-            vertices[0] as usize,
-            vertices[1] as usize,
-            vertices[2] as usize,
-        ];
-        let rows = [&geometry.rows[a], &geometry.rows[b], &geometry.rows[c]];
-        let three = [&corners.list[a], &corners.list[b], &corners.list[c]];
-        let plane = Plane::new(simd, three, rows, corners.view.is_perspective());
-        let outside = match &plane {
-            Some((_, counter_clockwise)) => *counter_clockwise == kind.as_wound,
-            None => {
-                // A plane is seen from one side, wherever on it one looks.
-                let toward = corners.view.toward_any_length(mesh.positions[a]);
-                outward(mesh, vertices).normal.dot(toward) >= 0.0
-            }
-        };
-        Self {
-            steady: plane.is_some() && kind.steady,
-            plane: plane.map(|(plane, _)| plane),
-            facing: if outside { 1.0 } else { -1.0 },
-            hand: if kind.right_handed { 1.0 } else { -1.0 },
-        }
-    }
-}
-
 /// A triangle in f64 weights, sample by sample.
 #[cold]
 fn fill_carefully<S: Simd>(
@@ -525,7 +582,7 @@ fn fill_carefully<S: Simd>(
         let w = edges.weights(f64::from(column) + 0.5, f64::from(row) + 0.5);
         let distance: f64 = (0..3).map(|k| w.at[k] * edges.distances[k]).sum();
         let (q, share) = view.slant_at(distance);
-        let at = Row::mix(simd, rows, w.at.map(|w| w * share)).0;
+        let at = Row::mix(simd, rows, w.at.map(|w| (w * share) as f32)).0;
         out.column[i] = column as f32;
         out.row[i] = row as f32;
         out.q[i] = q as f32;
@@ -537,7 +594,7 @@ fn fill_carefully<S: Simd>(
         out.uv[1][i] = at[7];
         for (k, change) in [w.dx, w.dy].into_iter().enumerate() {
             // As if q stood still: the weights' own change holds it already.
-            let d = Row::mix(simd, rows, change.map(|w| w * share)).0;
+            let d = Row::mix(simd, rows, change.map(|w| (w * share) as f32)).0;
             for c in 0..3 {
                 out.normal_change[k][c][i] = d[c];
             }
@@ -587,14 +644,16 @@ pub(super) fn resolve(
 #[simd]
 fn resolve_all<S: Simd>(
     simd: S,
-    (geometry, corners): (&Geometry<'_>, &Corners),
+    scene: (&Geometry<'_>, &Corners),
     tile: &Tile,
     changes: bool,
     places: &mut Places,
     out: &mut Lanes,
 ) -> usize {
-    let careful = (geometry, &corners.view);
+    let (geometry, corners) = scene;
+    let triangles = &geometry.mesh().triangles;
     let corner = [tile.rect.x as i32, tile.rect.y as i32];
+    let mut batch = Batch::new();
     let mut next = 0;
     for drawn in &tile.drawn {
         let run = next..find(simd, &tile.seen, *drawn, next, places);
@@ -602,21 +661,71 @@ fn resolve_all<S: Simd>(
         if run.is_empty() {
             continue;
         }
-        let triangle = drawn.triangle;
-        let surface = Surface::new(simd, geometry, corners, triangle);
-        for start in run.clone().step_by(WIDE) {
-            splat(&mut out.facing, start, surface.facing);
-            splat(&mut out.hand, start, surface.hand);
-        }
-        match &surface.plane {
-            Some(plane) => plane.fill(simd, run.clone(), corner, places, changes, out),
-            None => fill_carefully(simd, careful, triangle, run.clone(), (corner, places), out),
-        }
-        if !surface.steady {
-            mend_normals(careful, triangle, run, out);
+        let [a, b, c] = triangles[drawn.triangle as usize];
+        let list = &corners.list;
+        let three = [&list[a as usize], &list[b as usize], &list[c as usize]];
+        batch.add(drawn.triangle, three, &run);
+        if batch.count == BATCH {
+            fill_batch(simd, scene, &mut batch, (corner, places), changes, out);
         }
     }
+    fill_batch(simd, scene, &mut batch, (corner, places), changes, out);
     next
+}
+
+/// The fragments of a batch's triangles; the batch is empty afterwards.
+#[inline(always)]
+fn fill_batch<S: Simd>(
+    simd: S,
+    (geometry, corners): (&Geometry<'_>, &Corners),
+    batch: &mut Batch,
+    (corner, places): ([i32; 2], &Places),
+    changes: bool,
+    out: &mut Lanes,
+) {
+    let mesh = geometry.mesh();
+    let careful = (geometry, &corners.view);
+    let perspective = corners.view.is_perspective();
+    batch.shares.work_out(&batch.given, perspective);
+    for j in 0..batch.count {
+        let triangle = batch.triangles[j];
+        let (start, end) = batch.runs[j];
+        let kind = geometry.kinds[triangle as usize];
+        let [a, b, c] = mesh.triangles[triangle as usize];
+        let fast = batch.shares.fast[j] != 0;
+        let outside = if fast {
+            (batch.shares.counter_clockwise[j] != 0) == kind.as_wound
+        } else {
+            is_seen_from_outside(careful, triangle)
+        };
+        let facing = if outside { 1.0 } else { -1.0 };
+        let hand = if kind.right_handed { 1.0 } else { -1.0 };
+        for first in (start..end).step_by(WIDE) {
+            splat(&mut out.facing, first, facing);
+            splat(&mut out.hand, first, hand);
+        }
+        if fast {
+            let rows = &geometry.rows;
+            let rows = [&rows[a as usize], &rows[b as usize], &rows[c as usize]];
+            let plane = Plane::new(simd, &batch.shares, j, rows, perspective);
+            plane.fill(simd, start..end, corner, places, changes, out);
+        } else {
+            fill_carefully(simd, careful, triangle, start..end, (corner, places), out);
+        }
+        if !(fast && kind.steady) {
+            mend_normals(careful, triangle, start..end, out);
+        }
+    }
+    batch.count = 0;
+}
+
+#[cold]
+fn is_seen_from_outside((geometry, view): (&Geometry<'_>, &View), triangle: u32) -> bool {
+    let mesh = geometry.mesh();
+    let vertices = mesh.triangles[triangle as usize];
+    // A plane is seen from one side, wherever on it one looks.
+    let toward = view.toward_any_length(mesh.positions[vertices[0] as usize]);
+    outward(mesh, vertices).normal.dot(toward) >= 0.0
 }
 
 /// Writes the places of the samples that see a triangle, from number `next` on, and returns the number after the last.
