@@ -283,8 +283,10 @@ impl<'a> Shader<'a> {
         }
         let varied = timings.time(Stage::Fetch, || match self.mean {
             Some(texel) => {
-                for (lane, number) in chunk.texel.iter_mut().zip(texel) {
-                    lane[..n].fill(number);
+                if quality.widening {
+                    for (lane, number) in chunk.texel.iter_mut().zip(texel) {
+                        lane[..n].fill(number);
+                    }
                 }
                 false
             }
