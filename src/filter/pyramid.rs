@@ -5,7 +5,7 @@
 //! instead keeps the peak and loses the shape: brushed metal seen from afar must grow rough across its grooves.
 
 use super::fetch::{CHUNK, Room, Texels, blend_planes};
-use crate::map::{AnisoMap, Rect, Region, Size, SlopeCovariance, Texel};
+use crate::map::{AnisoMap, Rect, Region, Size, SlopeCovariance, Texel, gathered};
 use crate::math;
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
