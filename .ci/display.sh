@@ -30,14 +30,21 @@ done
 export DISPLAY=":$display" LIBGL_ALWAYS_SOFTWARE=1 ANISOMAP_CONFIG="$work/config"
 unset WAYLAND_DISPLAY DBUS_SESSION_BUS_ADDRESS
 
+# The window, once it is there and has drawn what it opens.
 start() {
+  rm -rf "$ANISOMAP_CONFIG"/recovery
+  again "$@"
+}
+
+# The same with what an end before left behind.
+again() {
   "$tool" "$@" 2>"$work/stderr" &
   window=$!
   for _ in $(seq 150); do
     id=$(xdotool search --onlyvisible --pid "$window" 2>/dev/null | head -1 || true)
     if [ -n "$id" ]; then
       xdotool windowmove "$id" 0 0 windowsize "$id" 1440 900 windowfocus "$id" 2>/dev/null || true
-      sleep 2
+      at_rest
       return
     fi
     kill -0 "$window" 2>/dev/null || { cat "$work/stderr"; echo "the window did not open"; exit 1; }
@@ -47,6 +54,29 @@ start() {
   exit 1
 }
 
+# Ends the window without asking.
+stop() {
+  kill "$window"
+  wait "$window" 2>/dev/null || true
+  window=
+}
+
+# Waits until the window has nothing more to do: the map is made, and the picture is as good as it gets. 20 s at most.
+at_rest() {
+  local before now still=0
+  before=$(ticks)
+  for _ in $(seq 100); do
+    sleep 0.2
+    now=$(ticks)
+    if [ $((now - before)) -le 1 ]; then still=$((still + 1)); else still=0; fi
+    if [ "$still" -ge 3 ]; then return; fi
+    before=$now
+  done
+}
+
+# Hundredths of a second that the window has computed.
+ticks() { awk '{ print $14 + $15 }' "/proc/$window/stat" 2>/dev/null || echo 0; }
+
 # From left to right over the canvas, in steps as a hand moves.
 stroke() {
   xdotool mousemove "$1" "$2" mousedown 1
@@ -55,7 +85,7 @@ stroke() {
     sleep 0.02
   done
   xdotool mouseup 1
-  sleep 0.6
+  sleep 0.2
 }
 
 # The whole window as a PNG file of DIR.
