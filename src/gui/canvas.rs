@@ -25,6 +25,8 @@ use std::sync::Arc;
 
 /// Height of the strip with the views' names.
 pub(crate) const STRIP: f32 = 32.0;
+/// What the names of all views and the buttons beside them need, points.
+const TABS: f32 = 510.0;
 /// Radius of the ball by which the light is moved, points.
 const LAMP: f32 = 24.0;
 
@@ -183,15 +185,10 @@ impl CanvasPane {
 
     fn strip(&mut self, ui: &mut Ui, desk: &mut Desk) {
         strip(ui, |ui| {
-            for kind in Kind::ALL {
-                let action = kind.action();
-                let tip = desk.tip(action);
-                if tab(ui, action.name(), kind == self.kind)
-                    .on_hover_text(tip)
-                    .clicked()
-                {
-                    desk.ask(action);
-                }
+            if ui.available_width() < TABS {
+                self.view_choice(ui, desk);
+            } else {
+                self.view_tabs(ui, desk);
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 ui.spacing_mut().item_spacing.x = 2.0;
@@ -206,6 +203,38 @@ impl CanvasPane {
                 }
             });
         });
+    }
+
+    fn view_tabs(&self, ui: &mut Ui, desk: &mut Desk) {
+        for kind in Kind::ALL {
+            let action = kind.action();
+            let tip = desk.tip(action);
+            if tab(ui, action.name(), kind == self.kind)
+                .on_hover_text(tip)
+                .clicked()
+            {
+                desk.ask(action);
+            }
+        }
+    }
+
+    /// The same where there is no room for all of them.
+    fn view_choice(&self, ui: &mut Ui, desk: &mut Desk) {
+        let tip = desk.tip(Action::CycleView);
+        egui::ComboBox::from_id_salt("view")
+            .selected_text(self.kind.action().name())
+            .show_ui(ui, |ui| {
+                for kind in Kind::ALL {
+                    let action = kind.action();
+                    let label = ui.selectable_label(kind == self.kind, action.name());
+                    if label.on_hover_text(desk.tip(action)).clicked() {
+                        desk.ask(action);
+                    }
+                }
+            })
+            .response
+            .accessible_name("View")
+            .on_hover_text(tip);
     }
 
     /// The camera of this frame: the one there was, made to fit what changed around it.
