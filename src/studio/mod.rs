@@ -63,9 +63,9 @@ pub const DEFAULT_MESH: &str = "torus";
 const PIXELS_A_POINT: f32 = 4.0;
 
 /// How long the interface may be kept waiting while the map catches up with the canvas.
-const CATCH_UP: Duration = Duration::from_millis(20);
+const CATCH_UP: Duration = Duration::from_millis(16);
 /// Tiles of the map that are brought up to date at once.
-const TILES_AT_ONCE: usize = 16;
+const TILES_AT_ONCE: usize = 8;
 
 /// What a studio needs from its surroundings.
 #[derive(Clone, Debug)]
@@ -963,7 +963,12 @@ impl Studio {
     /// Brings the map up to date with the canvas, as far as the time allows, and a little in any case.
     fn catch_up(&mut self, time: Option<Duration>) {
         let begun = Instant::now();
+        let mut last = Duration::ZERO;
         while !self.behind.is_empty() {
+            let before = begun.elapsed();
+            if time.is_some_and(|time| !last.is_zero() && before + last > time) {
+                break;
+            }
             let first = self.behind.keys().nth(TILES_AT_ONCE).copied();
             let later = first.map(|n| self.behind.split_off(&n)).unwrap_or_default();
             let parts: Vec<_> = std::mem::replace(&mut self.behind, later)
@@ -972,9 +977,7 @@ impl Studio {
             let regions = self.canvas.compose(&parts);
             self.subject_mut().write_map(&regions);
             self.dirty.extend(parts.iter().map(|(_, rect)| *rect));
-            if time.is_some_and(|time| begun.elapsed() >= time) {
-                break;
-            }
+            last = begun.elapsed() - before;
         }
     }
 

@@ -76,7 +76,7 @@ pub struct Quality {
 const STAGES: [(u32, bool); 3] = [(2, false), (4, false), (REFERENCE_SAMPLES, true)];
 
 /// How long pixels that show a change of the map are lit before the rest is left to the next drawing.
-const RELIGHT: Duration = Duration::from_millis(14);
+const RELIGHT: Duration = Duration::from_millis(12);
 
 /// The 3D picture.
 pub struct Viewport {
