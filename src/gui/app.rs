@@ -20,7 +20,7 @@ use super::watch::Watch;
 use super::widgets::{icon_button, overlay_text};
 use super::{guides, status, tools};
 use anisomap::Error;
-use anisomap::preview::{Rig, Scene};
+use anisomap::preview::Rig;
 use anisomap::recipe::{self, Image, Layer, RecipeFile, Source};
 use anisomap::studio::action::{Action, Group};
 use anisomap::studio::hand::{Mirror, ToolKind};
@@ -49,8 +49,8 @@ pub(crate) struct App {
     /// A file that is being taken in, and those that come after it.
     intake: Option<Intake>,
     waiting: Vec<PathBuf>,
-    /// Camera and lights for a map that is being made anew from the same file.
-    keep_scene: Option<Scene>,
+    /// The document's file was changed, and is to be read again.
+    to_reload: bool,
     /// Set once the work at hand is out of danger and the window may close.
     may_close: bool,
     /// What waits until the work was saved.
@@ -165,7 +165,7 @@ impl App {
             watch_keys: Watch::default(),
             intake: None,
             waiting: Vec::new(),
-            keep_scene: None,
+            to_reload: false,
             after_saving: None,
         })
     }
@@ -192,11 +192,6 @@ impl App {
         }
         let had_focus = ctx.memory(|m| m.focused().is_some());
         self.desk.tick(&ctx);
-        if self.desk.news.new_map
-            && let Some(scene) = self.keep_scene.take()
-        {
-            self.desk.studio.set_scene(scene);
-        }
         if self.dialog.is_none() {
             self.dialog = self.desk.large.take().map(Dialog::Large);
         }
@@ -694,6 +689,8 @@ impl App {
 impl App {
     fn perform_file(&mut self, ui: &Ui, action: Action) {
         let here = self.here();
+        // What waited for a saving that was called off waits no more.
+        self.after_saving = None;
         match action {
             Action::New => self.leave_for(ui.ctx(), Then::New),
             Action::Open => self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Open, here))),
@@ -763,6 +760,22 @@ impl App {
     }
 
     pub(crate) fn save(&mut self, ctx: &Context, path: &Path) {
+        let document = self.desk.studio.document();
+        if document.path() == Some(path) && document.changed_on_disk() {
+            self.dialog = Some(Dialog::Changed(path.to_owned()));
+            return;
+        }
+        self.save_over(ctx, path);
+    }
+
+    /// Whether the window is about to close.
+    #[cfg(test)]
+    pub(crate) fn is_closing(&self) -> bool {
+        self.may_close
+    }
+
+    /// Saves, whatever the file holds.
+    fn save_over(&mut self, ctx: &Context, path: &Path) {
         let saved = self.desk.studio.save(path);
         if self.desk.told(saved).is_none() {
             self.after_saving = None;
@@ -798,6 +811,8 @@ impl App {
                     None => self.ask_where_to_save(Purpose::SaveThen),
                 }
             }
+            Wish::SaveOver(path) => self.save_over(ctx, &path),
+            Wish::SaveElsewhere => self.ask_where_to_save(Purpose::SaveAs),
             Wish::Chosen(purpose, path) => self.take_path(ctx, purpose, &path),
             Wish::Recover(left) => {
                 let options = self.options();
@@ -892,9 +907,12 @@ impl App {
 
     /// Shows what another program made of the document's file, unless there is work that the file does not have.
     fn follow_file(&mut self) {
-        if !self.watch.changed() {
+        self.to_reload |= self.watch.changed();
+        // A stroke in flight is ended first.
+        if !self.to_reload || self.desk.studio.is_drawing() {
             return;
         }
+        self.to_reload = false;
         let document = self.desk.studio.document();
         let Some(path) = document.path().map(Path::to_owned) else {
             return;
@@ -911,26 +929,12 @@ impl App {
         let Some(file) = self.desk.told(file) else {
             return;
         };
-        // The same work a little later: it is seen as before.
-        let (selected, mesh) = (
-            self.desk.studio.selected(),
-            self.desk.studio.recipe().mesh.clone(),
-        );
-        let scene = self.desk.studio.scene().clone();
-        let looking = self.canvas.looking();
-        let options = self.options();
-        let studio = Studio::new(file, Some(path), options);
-        if let Some(studio) = self.desk.told(studio) {
-            let same_mesh = studio.recipe().mesh == mesh;
-            let same_light = studio.recipe().scene == self.desk.studio.recipe().scene;
-            self.show_studio(studio);
-            self.desk.studio.select(selected);
-            self.canvas.look_again(looking);
-            self.keep_scene = (same_mesh && same_light).then_some(scene);
+        let taken = self.desk.studio.reload(file);
+        if self.desk.told(taken) == Some(true) {
+            self.desk.redraw = self.desk.redraw.or(Redraw::Sharp);
             self.desk
                 .messages
                 .news("The file was changed by another program, and read again");
-            tell_read_only(&mut self.desk);
         }
     }
 

@@ -101,8 +101,6 @@ pub(crate) struct CanvasPane {
     pub(crate) kind: Kind,
     camera: Option<Camera2d>,
     map: Size,
-    /// What was looked at, and on a map of what size, to be looked at again when the map is there.
-    again: Option<(Size, Camera2d)>,
     averages: Option<Averages>,
     texture: Option<TextureHandle>,
     pixels: Vec<u8>,
@@ -129,7 +127,6 @@ impl Default for CanvasPane {
             kind: Kind::Lit,
             camera: None,
             map: Size::new(1, 1).expect("1 is a size"),
-            again: None,
             averages: None,
             texture: None,
             pixels: Vec::new(),
@@ -255,14 +252,6 @@ impl CanvasPane {
         };
         if self.map.texels() <= 1 {
             camera = fitted(map, size, aspect);
-            if map.texels() > 1
-                && let Some((before, looked)) = self.again.take()
-            {
-                camera = Camera2d {
-                    zoom: looked.zoom * f64::from(before.height()) / f64::from(map.height()),
-                    ..looked
-                };
-            }
         }
         self.map = map;
         camera.size = size;
@@ -284,17 +273,6 @@ impl CanvasPane {
         self.drawn = None;
         self.drawing = None;
         self.last_end = None;
-    }
-
-    /// What is looked at, for [`CanvasPane::look_again`].
-    pub(crate) fn looking(&self) -> Option<(Size, Camera2d)> {
-        self.camera.map(|camera| (self.map, camera))
-    }
-
-    /// Looks at the same part of the map that is being made.
-    pub(crate) fn look_again(&mut self, at: Option<(Size, Camera2d)>) {
-        self.again = at;
-        self.map = Size::new(1, 1).expect("1 is a size");
     }
 
     /// Shows the whole map.

@@ -153,7 +153,11 @@ impl Desk {
         for error in self.studio.take_trouble() {
             self.messages.error(error);
         }
-        if self.working.is_some() {
+        if self.studio.is_behind() {
+            // What is left of a large change is drawn in the next frames.
+            self.redraw = self.redraw.or(Redraw::Sharp);
+            ctx.request_repaint();
+        } else if self.working.is_some() {
             ctx.request_repaint_after(Duration::from_millis(40));
         } else if self.studio.viewport().is_refining() {
             ctx.request_repaint_after(Duration::from_millis(120));
@@ -209,6 +213,9 @@ impl Desk {
 
     /// Sees to it that the selected layer takes strokes: where it does not, there is a paint layer above it from now on.
     pub(crate) fn ready_layer(&mut self) -> bool {
+        if self.studio.is_mask_selected() {
+            return true;
+        }
         let layers = &self.studio.recipe().layers;
         let takes = |l: &Layer| l.source.name() == "strokes";
         if layers.get(self.studio.selected()).is_some_and(takes) {

@@ -17,7 +17,7 @@ use anisomap::studio::orbit;
 use anisomap::studio::settings::Theme;
 use anisomap::studio::{LeftBehind, Options, Studio};
 use eframe::egui::{self, Context, Id, Modal, RichText, Ui};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What is done once the work at hand is out of danger.
 #[derive(Clone, Debug)]
@@ -41,6 +41,8 @@ pub(crate) enum Dialog {
     /// The folder of an export is being chosen; the export waits.
     ExportFolder(Box<ExportDialog>, FileDialog),
     Unsaved(Then),
+    /// The document's file says something else than when it was read or saved.
+    Changed(PathBuf),
     Recover(Vec<LeftBehind>),
     New(NewDocument),
     Settings,
@@ -53,6 +55,10 @@ pub(crate) enum Dialog {
 pub(crate) enum Wish {
     /// Saves, and then goes on.
     SaveThen(Then),
+    /// Saves over what another program wrote.
+    SaveOver(PathBuf),
+    /// Asks for another name to save under.
+    SaveElsewhere,
     /// Goes on without saving.
     Go(Then),
     /// Goes on, or asks first where work is not saved.
@@ -93,6 +99,7 @@ impl Dialog {
             Self::File(_) | Self::ExportFolder(..) => "file dialog",
             Self::Export(_) => "export dialog",
             Self::Unsaved(_) => "unsaved dialog",
+            Self::Changed(_) => "changed dialog",
             Self::Recover(_) => "recover dialog",
             Self::New(_) => "new dialog",
             Self::Settings => "settings dialog",
@@ -177,6 +184,7 @@ fn contents(ui: &mut Ui, dialog: &mut Dialog, desk: &mut Desk) -> (Next, Option<
             ExportWish::Browse => (Next::Other(on_to_folder), None),
         },
         Dialog::Unsaved(then) => unsaved(ui, desk, then),
+        Dialog::Changed(path) => changed_on_disk(ui, path),
         Dialog::Recover(left) => recover(ui, left),
         Dialog::New(new) => new_document(ui, desk, new),
         Dialog::Settings => settings(ui, desk),
@@ -218,6 +226,29 @@ fn on_to_folder(dialog: Dialog) -> Dialog {
 pub(crate) fn main_button(ui: &mut Ui, text: &str) -> egui::Response {
     let palette = Palette::of(ui);
     ui.add(egui::Button::new(RichText::new(text).color(palette.text)).fill(palette.accent_ground))
+}
+
+fn changed_on_disk(ui: &mut Ui, path: &Path) -> (Next, Option<Wish>) {
+    ui.set_width(380.0);
+    ui.heading("The file was changed by another program");
+    ui.label(format!(
+        "{} is not as it was when it was read or saved here. Saving writes over that.",
+        path.display()
+    ));
+    ui.add_space(8.0);
+    let mut answer = (Next::Stay, None);
+    ui.horizontal(|ui| {
+        if main_button(ui, "Save under another name").clicked() {
+            answer = (Next::Close, Some(Wish::SaveElsewhere));
+        }
+        if ui.button("Save over it").clicked() {
+            answer = (Next::Close, Some(Wish::SaveOver(path.to_owned())));
+        }
+        if ui.button("Cancel").clicked() {
+            answer = (Next::Close, None);
+        }
+    });
+    answer
 }
 
 fn unsaved(ui: &mut Ui, desk: &Desk, then: &Then) -> (Next, Option<Wish>) {

@@ -305,6 +305,12 @@ fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
                     set_mask(desk, at, None);
                     desk.studio.seal();
                 }
+                for (name, shows) in [("painted, all shown", true), ("painted, all hidden", false)] {
+                    if ui.selectable_label(false, name).clicked() {
+                        let added = desk.studio.add_painted_mask(at, shows);
+                        desk.told(added);
+                    }
+                }
                 for name in Pattern::NAMES {
                     if ui.selectable_label(now == name, name).clicked()
                         && let Ok(pattern) = default_pattern(name)
@@ -317,7 +323,7 @@ fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
             .response
             .accessible_name("Mask")
             .on_hover_text(
-                "Where the layer shows: everywhere, or where a pattern has large values.",
+                "Where the layer shows: everywhere, where a pattern has large values, or where you paint it.",
             );
         if let Some(mask) = &layer.mask {
             let mut invert = mask.invert;
@@ -339,6 +345,18 @@ fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
         }
     });
     let Some(mask) = &layer.mask else { return };
+    if let MaskSource::Strokes(_) = &mask.source {
+        let mut on_mask = desk.studio.is_mask_selected();
+        let tip = "Strokes then show the layer, and the eraser hides it. View 8 shows the mask.";
+        if ui
+            .checkbox(&mut on_mask, "Paint on the mask")
+            .on_hover_text(tip)
+            .changed()
+        {
+            desk.studio.select_mask(on_mask);
+        }
+        return;
+    }
     if let MaskSource::Pattern(pattern) = &mask.source {
         thresholds(ui, desk, at, mask);
         if let Some((changed, _)) = pattern_rows(ui, desk, pattern) {

@@ -625,3 +625,76 @@ fn changed_keys_are_read_while_the_window_is_open() {
     press(&mut window, "O");
     assert_eq!(window.state().desk.hand.kind(), ToolKind::Comb);
 }
+
+#[test]
+fn a_file_that_was_changed_elsewhere_is_not_written_over_unasked() {
+    let (mut window, folder) = window();
+    let path = folder.path().join("shared.toml");
+    let ctx = window.ctx.clone();
+    window.state_mut().save(&ctx, &path);
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    let theirs = format!("{SMALL}# theirs\n");
+    std::fs::write(&path, &theirs).unwrap();
+    press(&mut window, "Ctrl+S");
+    assert!(matches!(window.state().dialog, Some(Dialog::Changed(_))));
+    button(&window, "Cancel");
+    window.run_steps(2);
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), theirs);
+    press(&mut window, "Ctrl+S");
+    button(&window, "Save over it");
+    window.run_steps(2);
+    assert!(std::fs::read_to_string(&path).unwrap().contains("packed"));
+    assert!(!window.state().desk.studio.document().is_changed());
+}
+
+#[test]
+fn a_closing_that_was_called_off_does_not_wait_for_the_next_saving() {
+    let (mut window, folder) = window();
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    press(&mut window, "Ctrl+Q");
+    button(&window, "Save");
+    window.run_steps(2);
+    assert!(matches!(window.state().dialog, Some(Dialog::File(_))));
+    press(&mut window, "Escape");
+    window.run_steps(2);
+    assert!(window.state().dialog.is_none());
+    press(&mut window, "Ctrl+Shift+S");
+    let path = folder.path().join("kept.toml");
+    let ctx = window.ctx.clone();
+    window.state_mut().save(&ctx, &path);
+    assert!(path.exists() && !window.state().is_closing());
+}
+
+#[test]
+fn a_mask_is_painted() {
+    let (mut window, _folder) = window();
+    let before = map(&window);
+    window.state_mut().desk.studio.select(0);
+    window.step();
+    window
+        .get_by_role_and_label(Role::ComboBox, "Mask")
+        .scroll_to_me();
+    window.run_steps(5);
+    let combo = window
+        .get_by_role_and_label(Role::ComboBox, "Mask")
+        .rect()
+        .center();
+    window.hover_at(combo);
+    window.step();
+    window.drag_at(combo);
+    window.step();
+    window.drop_at(combo);
+    window.run_steps(3);
+    button(&window, "painted, all hidden");
+    window.run_steps(3);
+    settle(&mut window);
+    assert!(map(&window) != before, "all of the ground is hidden");
+    assert!(window.state().desk.studio.is_mask_selected());
+    let hidden = map(&window);
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    assert_eq!(strokes(&window), 0, "the stroke went to the mask");
+    assert!(map(&window) != hidden);
+    press(&mut window, "Ctrl+Z");
+    settle(&mut window);
+    assert!(map(&window) == hidden);
+}
