@@ -18,6 +18,14 @@ const BAND: u32 = 32;
 /// A jump at the edge from this on is counted, in degrees.
 pub(super) const JUMP_DEGREES: f32 = 10.0;
 
+/// From this on the turn between two neighbours is an edge between directions and none of a smooth field, in degrees: half of
+/// what an axis can turn, where the way around is about to be in doubt.
+const EDGE_DEGREES: f32 = 45.0;
+
+/// Half the side of the ring around a pole that is searched for edges, in texels. A pole alone, of index 3/2 at most, turns by
+/// less than [`EDGE_DEGREES`] from texel to texel there.
+const RING: i64 = 3;
+
 /// What a walk over all neighbours found.
 pub(super) struct Field {
     /// Across the left and right edge; none where the map does not repeat there or is narrower than 3 texels.
@@ -59,6 +67,8 @@ pub(super) struct Pole {
     pub(super) middle: Vec2,
     /// Twice its index.
     pub(super) halves: i32,
+    /// The direction jumps on a ring around it: no point of a smooth field, but a corner of an edge between directions.
+    pub(super) is_at_edge: bool,
 }
 
 /// Sums of jumps in millionths of a degree: whole numbers, which come together in any order.
@@ -226,14 +236,54 @@ fn poles(map: &AnisoMap, turning: &[Turning]) -> Vec<Pole> {
     let pole = |group: &Vec<Turning>| {
         let Turning { x, y, .. } = group[0];
         let middle = singularity(size, wrap, group);
+        let halves = middle.twice_index;
+        let middle = Vec2::new(middle.u, 1.0 - middle.v) * texels;
         Pole {
             place: Place { x, y },
-            middle: Vec2::new(middle.u, 1.0 - middle.v) * texels,
-            halves: middle.twice_index,
+            middle,
+            halves,
+            is_at_edge: is_at_edge(map, middle),
         }
     };
     let groups = gather(size, wrap, turning);
     groups.iter().map(pole).collect()
+}
+
+/// Whether the direction jumps between neighbours on the ring around a point, given in texels from the upper left corner.
+fn is_at_edge(map: &AnisoMap, middle: Vec2) -> bool {
+    let (left, top) = (
+        middle.x.round() as i64 - RING,
+        middle.y.round() as i64 - RING,
+    );
+    let last = 2 * RING - 1;
+    let ring = (0..last)
+        .map(|i| (i, 0))
+        .chain((0..last).map(|i| (last, i)))
+        .chain((0..last).map(|i| (last - i, last)))
+        .chain((0..last).map(|i| (0, last - i)));
+    let grooves: Vec<Vec2> = ring
+        .map(|(x, y)| groove_at(map, left + x, top + y))
+        .collect();
+    let next = grooves.iter().cycle().skip(1);
+    grooves
+        .iter()
+        .zip(next)
+        .any(|(&a, &b)| degrees(turn(a, b)) >= EDGE_DEGREES)
+}
+
+/// The groove at a column and row that may lie beyond the map; NaN where the map has none.
+fn groove_at(map: &AnisoMap, x: i64, y: i64) -> Vec2 {
+    let fold = |i: i64, n: u32, repeats: bool| {
+        let n = i64::from(n);
+        let i = if repeats { i.rem_euclid(n) } else { i };
+        (0..n).contains(&i).then_some(i as u32)
+    };
+    let x = fold(x, map.width(), map.wrap().repeats_u());
+    let y = fold(y, map.height(), map.wrap().repeats_v());
+    match (x, y) {
+        (Some(x), Some(y)) => groove(map.texel(x, y)),
+        _ => Vec2::NAN,
+    }
 }
 
 /// Walks over all pairs and loops of neighbours.
@@ -338,6 +388,7 @@ mod tests {
                 let found = poles(&m);
                 assert_eq!(found.len(), 1, "{factor} at {size}: {found:?}");
                 assert_eq!(found[0].halves, index, "{factor} at {size}");
+                assert!(!found[0].is_at_edge, "{factor} at {size}");
                 let off = found[0].middle - Vec2::splat(0.5 * size as f32);
                 assert!(off.length() < 0.8, "{off}");
             }
@@ -348,6 +399,20 @@ mod tests {
     fn a_pole_under_an_isotropic_cap_is_none() {
         let m = map(64, 64, Wrap::Clamp, 4.0, |x, y| y.atan2(x));
         assert_eq!(poles(&m), []);
+    }
+
+    #[test]
+    fn where_directions_meet_at_edges_is_no_smooth_field() {
+        // Four sheets whose grooves differ by 50 degrees from one to the next: the last edge closes a turn of 180.
+        let sheets = |x: f32, y: f32| {
+            let quarter = (y.atan2(x) / TAU).rem_euclid(1.0) * 4.0;
+            (50.0 * quarter.floor()).to_radians()
+        };
+        for wrap in [Wrap::Clamp, Wrap::Repeat] {
+            let found = poles(&map(40, 40, wrap, 0.0, sheets));
+            let middle = found.iter().find(|p| p.middle == Vec2::splat(20.0));
+            assert!(middle.is_some_and(|p| p.is_at_edge), "{found:?}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What is wrong with a map, or will be in somebody's file format, and what to do about it.
 
-use super::field::{self, JUMP_DEGREES, Poles, Seam};
+use super::field::{self, JUMP_DEGREES, Pole, Poles, Seam};
 use super::{ISOTROPIC_RATIO, Place, by_stretches, sorted};
 use crate::convention::LobeFit;
 use crate::map::{ALPHA_MAX, ALPHA_MIN, AnisoMap, Mended, Texel};
@@ -302,6 +302,7 @@ fn pole_findings(poles: &Poles) -> Vec<Finding> {
         }
         Poles::Each(poles) => poles,
     };
+    let (at_edges, poles): (Vec<Pole>, Vec<Pole>) = poles.iter().partition(|p| p.is_at_edge);
     let mut indices: Vec<i32> = poles.iter().map(|p| p.halves).collect();
     indices.sort_unstable_by_key(|&i| (i.abs(), -i));
     indices.dedup();
@@ -312,7 +313,23 @@ fn pole_findings(poles: &Poles) -> Vec<Finding> {
             let first = alike.next()?.place;
             Some(pole_finding(index, 1 + alike.count() as u64, first))
         })
+        .chain(edge_finding(&at_edges))
         .collect()
+}
+
+/// Corners of edges between directions: how the surface is, in weaves and where finishes meet, and no mistake in the map.
+fn edge_finding(at_edges: &[Pole]) -> Option<Finding> {
+    let first = at_edges.first()?.place;
+    let count = at_edges.len() as u64;
+    let corners = if count == 1 { "corner" } else { "corners" };
+    Some(Finding {
+        severity: Severity::Note,
+        code: "direction-edge",
+        count,
+        first: Some(first),
+        message: format!("edges between directions have {count} {corners} around which the direction turns"),
+        advice: "Nothing need be done where threads, sheets or finishes meet; magnified, the edge shows its texels".to_owned(),
+    })
 }
 
 /// The index of a pole with its sign, from twice the index: `+1`, `-1/2`.

@@ -72,7 +72,7 @@ pub enum TexelMark {
 /// Everything that can be marked in a map.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Marks {
-    /// The poles, from the top; none where the field is rough.
+    /// The poles of the smooth field, from the top; none where the field is rough, none at corners of edges between directions.
     pub poles: Vec<Pole>,
     /// How many loops of texels turn, where these are too many for poles.
     pub rough: Option<u64>,
@@ -100,6 +100,7 @@ impl Marks {
         Ok(Self {
             poles: poles
                 .into_iter()
+                .filter(|p| !p.is_at_edge)
                 .map(|p| Pole {
                     uv: from_texels(map.size(), p.middle),
                     halves: p.halves,
