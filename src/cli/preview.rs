@@ -14,10 +14,10 @@ use anisomap::recipe::Recipe;
 use glam::Vec3;
 use serde_json::json;
 
-/// The picture's size for one look; further looks widen it up to [`WIDEST`] times.
+/// The picture's size for one look. Several have squares of two thirds of the width, up to [`WIDEST`] of them in one row.
 const WIDTH: u32 = 960;
 const HEIGHT: u32 = 720;
-const WIDEST: u32 = 4;
+const WIDEST: usize = 4;
 
 pub(super) fn run(args: PreviewArgs) -> Result {
     console::catch_interrupts();
@@ -140,16 +140,14 @@ fn stages(timings: &Timings) -> serde_json::Value {
 }
 
 fn default_size(looks: usize, difference: bool) -> Result<Size> {
-    let panels = if difference {
-        1
-    } else {
-        u32::try_from(looks).unwrap_or(WIDEST)
-    };
+    let panels = if difference { 1 } else { looks };
     if panels == 1 {
-        Size::new(WIDTH, HEIGHT)
-    } else {
-        Size::new(WIDTH * 2 / 3 * panels.min(WIDEST), WIDTH * 2 / 3)
+        return Size::new(WIDTH, HEIGHT);
     }
+    let rows = if panels <= WIDEST { 1 } else { panels.isqrt() };
+    let columns = panels.div_ceil(rows);
+    let side = |panels: usize| WIDTH * 2 / 3 * u32::try_from(panels).unwrap_or(u32::MAX).min(64);
+    Size::new(side(columns), side(panels.div_ceil(columns)))
 }
 
 /// The scene for a mesh, with what the recipe says of lights and exposure.
@@ -221,7 +219,8 @@ impl Shown<'_> {
     /// How two looks differ, as a picture and as numbers.
     fn difference(&self, looks: &[Look], size: Size) -> Result<(Picture, serde_json::Value)> {
         let pictures = self.pictures(looks, size)?;
-        let difference = Difference::new(&pictures[0], &pictures[1], Measure::Signed)?;
+        let difference = Difference::new(&pictures[0], &pictures[1], Measure::Signed)?
+            .named([looks[0].caption(), looks[1].caption()]);
         let numbers = json!({ "largest": difference.largest(), "mean": difference.mean() });
         Ok((difference.picture()?, numbers))
     }

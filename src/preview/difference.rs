@@ -28,11 +28,11 @@ impl Measure {
         }
     }
 
-    fn label(self) -> &'static str {
+    fn label(self, [first, second]: &[String; 2]) -> String {
         match self {
-            Self::Signed => "second \u{2212} first, luminance",
-            Self::Absolute => "|second \u{2212} first|, luminance",
-            Self::DeltaE => "\u{394}E 1976",
+            Self::Signed => format!("{second} \u{2212} {first}, luminance"),
+            Self::Absolute => format!("|{second} \u{2212} {first}|, luminance"),
+            Self::DeltaE => format!("\u{394}E 1976, {first} and {second}"),
         }
     }
 }
@@ -43,6 +43,8 @@ pub struct Difference {
     measure: Measure,
     size: Size,
     values: Vec<f32>,
+    /// What the legend calls the two pictures.
+    names: [String; 2],
 }
 
 impl Difference {
@@ -72,7 +74,15 @@ impl Difference {
             measure,
             size: first.size(),
             values,
+            names: ["first", "second"].map(str::to_owned),
         })
+    }
+
+    /// The names of the two pictures for the legend, which else are "first" and "second".
+    #[must_use]
+    pub fn named(mut self, names: [String; 2]) -> Self {
+        self.names = names;
+        self
     }
 
     /// The values in row order.
@@ -171,7 +181,14 @@ impl Difference {
             } else {
                 area
             };
-            let number = short(scale * along(0.5 * i as f32));
+            let value = scale * along(0.5 * i as f32);
+            let is_clipped = |beyond: &dyn Fn(f32) -> bool| self.values.iter().any(|v| beyond(*v));
+            let sign = match i {
+                0 if is_clipped(&|v| v < value) => "\u{2264} ",
+                2 if is_clipped(&|v| v > value) => "\u{2265} ",
+                _ => "",
+            };
+            let number = format!("{sign}{}", short(value));
             write_text(picture, area, &number, text, align, INK);
         }
         let beside = Rect {
@@ -183,7 +200,7 @@ impl Difference {
         write_text(
             picture,
             beside,
-            self.measure.label(),
+            &self.measure.label(&self.names),
             text,
             Align::Left,
             INK,
