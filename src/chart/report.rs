@@ -359,7 +359,7 @@ fn picture_charts(measured: &Measured) -> Vec<Chart> {
                     "A picture of the {scene}: what each way to draw it costs, and its error"
                 ),
                 subtitle: format!(
-                    "{}; error from `ward` at reference quality; the base but for what is named",
+                    "{}; error from the reference picture; each way is the base with the one change that it is named for",
                     measured.machine.line()
                 ),
                 x: ("milliseconds per frame, all threads", "ms"),
