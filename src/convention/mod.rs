@@ -8,6 +8,7 @@ pub mod gltf;
 mod lobe_fit;
 mod record;
 pub mod storage;
+pub mod textures;
 
 pub use lobe_fit::LobeFit;
 pub(crate) use record::generator;

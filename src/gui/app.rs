@@ -7,6 +7,7 @@ use super::export::ExportDialog;
 use super::files::{FileDialog, Purpose};
 use super::help::Help;
 use super::icons::Icon;
+use super::import::ImportDialog;
 use super::intake::{self, Intake, Part, Taken};
 use super::keys;
 use super::layers::{LayersPanel, menu_item};
@@ -21,7 +22,7 @@ use super::widgets::{icon_button, overlay_text};
 use super::{guides, status, tools};
 use anisomap::Error;
 use anisomap::preview::Rig;
-use anisomap::recipe::{self, Image, Layer, RecipeFile, Source};
+use anisomap::recipe::{self, Layer, RecipeFile, Source};
 use anisomap::studio::action::{Action, Group};
 use anisomap::studio::hand::{Mirror, ToolKind};
 use anisomap::studio::keymap::Keymap;
@@ -813,6 +814,12 @@ impl App {
             }
             Wish::SaveOver(path) => self.save_over(ctx, &path),
             Wish::SaveElsewhere => self.ask_where_to_save(Purpose::SaveAs),
+            Wish::Import(told) => {
+                if let Some(folder) = self.own_folder() {
+                    let begun = Intake::begin_textures(*told, &folder, ctx);
+                    self.intake = self.desk.told(begun);
+                }
+            }
             Wish::Chosen(purpose, path) => self.take_path(ctx, purpose, &path),
             Wish::Recover(left) => {
                 let options = self.options();
@@ -1038,8 +1045,7 @@ impl App {
             tell_read_only(&mut self.desk);
             return;
         }
-        let folder = self.desk.studio.document().path().and_then(Path::parent);
-        let Some(folder) = folder.map(Path::to_owned) else {
+        let Some(folder) = self.own_folder() else {
             self.desk.messages.news(
                 "A recipe's own files lie beside it: say where the recipe is to be, and the file comes in",
             );
@@ -1047,13 +1053,15 @@ impl App {
             self.ask_where_to_save(Purpose::SaveThen);
             return;
         };
-        let folder = if folder.as_os_str().is_empty() {
-            PathBuf::from(".")
-        } else {
-            folder
-        };
         let begun = Intake::begin(part, path, &folder, ctx);
         self.intake = self.desk.told(begun);
+    }
+
+    /// The folder of the document's file, if it has one.
+    fn own_folder(&self) -> Option<PathBuf> {
+        let folder = self.desk.studio.document().path()?.parent()?;
+        let here = folder.as_os_str().is_empty();
+        Some(if here { ".".into() } else { folder.to_owned() })
     }
 
     /// Whether a file is on its way.
@@ -1065,6 +1073,9 @@ impl App {
     /// Takes over the file that was read in the background.
     fn follow_intake(&mut self, ctx: &Context) {
         let Some(intake) = &self.intake else { return };
+        if self.dialog.is_some() {
+            return; // what came may have to ask, too
+        }
         let Some(taken) = intake.now() else {
             ctx.request_repaint_after(std::time::Duration::from_millis(80));
             let name = intake.path.file_name().unwrap_or_default();
@@ -1073,19 +1084,21 @@ impl App {
         };
         self.intake = None;
         self.desk.reading = None;
-        let Some(Taken { part, file, news }) = self.desk.told(taken) else {
+        let Some((taken, news)) = self.desk.told(taken) else {
             return;
         };
-        if let Some(news) = news {
+        for news in news {
             self.desk.messages.news(news);
         }
-        match part {
-            Part::Mesh => set_mesh(&mut self.desk, &file),
-            Part::Map => {
-                let name = Path::new(&file).file_stem().unwrap_or_default();
+        match taken {
+            Taken::Mesh(file) => set_mesh(&mut self.desk, &file),
+            Taken::Textures(seen) => {
+                self.dialog = Some(Dialog::Import(Box::new(ImportDialog::new(seen))));
+            }
+            Taken::Layer { name, image } => {
                 let layer = Layer {
-                    name: name.to_string_lossy().into_owned(),
-                    ..Layer::new(Source::Image(Image { file }))
+                    name,
+                    ..Layer::new(Source::Image(image))
                 };
                 let added = self.desk.studio.add_layer(layer);
                 self.desk.told(added);

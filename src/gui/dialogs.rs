@@ -4,7 +4,8 @@ use super::desk::{Desk, Large, LargeThing};
 use super::export::{ExportDialog, Wish as ExportWish};
 use super::files::{FileDialog, Purpose};
 use super::help::Help;
-use super::intake::Part;
+use super::import::{ImportDialog, Wish as ImportWish};
+use super::intake::{Part, Told};
 use super::messages::count;
 use super::presets::{PresetBrowser, Wish as PresetWish};
 use super::properties::memory;
@@ -47,6 +48,8 @@ pub(crate) enum Dialog {
     New(NewDocument),
     Settings,
     Presets(PresetBrowser),
+    /// What textures mean is being said.
+    Import(Box<ImportDialog>),
     Shortcuts(Help),
     Large(Large),
 }
@@ -63,6 +66,8 @@ pub(crate) enum Wish {
     Go(Then),
     /// Goes on, or asks first where work is not saved.
     Leave(Then),
+    /// Textures come in, now that it is said what they mean.
+    Import(Box<Told>),
     /// A path was chosen.
     Chosen(Purpose, PathBuf),
     /// A journal's work is taken up.
@@ -104,6 +109,7 @@ impl Dialog {
             Self::New(_) => "new dialog",
             Self::Settings => "settings dialog",
             Self::Presets(_) => "presets dialog",
+            Self::Import(_) => "import dialog",
             Self::Shortcuts(_) => "shortcuts dialog",
             Self::Large(_) => "large dialog",
         }
@@ -189,6 +195,11 @@ fn contents(ui: &mut Ui, dialog: &mut Dialog, desk: &mut Desk) -> (Next, Option<
         Dialog::New(new) => new_document(ui, desk, new),
         Dialog::Settings => settings(ui, desk),
         Dialog::Large(large) => ask_for_room(ui, large),
+        Dialog::Import(import) => match import.show(ui) {
+            ImportWish::Stay => (Next::Stay, None),
+            ImportWish::Close => (Next::Close, None),
+            ImportWish::Import(told) => (Next::Close, Some(Wish::Import(told))),
+        },
         Dialog::Presets(browser) => match browser.show(ui) {
             PresetWish::Stay => (Next::Stay, None),
             PresetWish::Close => (Next::Close, None),

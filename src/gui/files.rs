@@ -42,9 +42,9 @@ impl Purpose {
     /// The endings of the files that are offered.
     fn endings(self) -> &'static [&'static str] {
         match self {
-            Self::Open => &["toml", "exr", "glb", "gltf", "obj"],
+            Self::Open => &["toml", "exr", "png", "tif", "tiff", "glb", "gltf", "obj"],
             Self::SaveAs | Self::SaveThen => &["toml"],
-            Self::Import => &["exr", "glb", "gltf"],
+            Self::Import => &["exr", "png", "tif", "tiff", "glb", "gltf"],
             Self::Mesh => &["glb", "gltf", "obj"],
             Self::ExportFolder => &[],
         }

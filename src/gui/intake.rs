@@ -1,17 +1,22 @@
 //! Meshes and maps that come into a document: read, checked and laid beside the recipe by a thread of its own, because a mesh
 //! of millions of triangles takes its time. The recipe names files of its own folder alone.
 
+use super::import::{Seen, look_at};
 use super::messages::count;
 use super::work::{Now, Reins, Work};
 use anisomap::Error;
 use anisomap::export::exr::{Precision, write_master};
 use anisomap::export::{Export, write_atomic};
 use anisomap::import::Imported;
-use anisomap::import::exr::{read_master, read_rgb_pair};
+use anisomap::import::exr::{is_master, read_master, read_rgb_pair};
 use anisomap::import::gltf::read_gltf;
+use anisomap::import::textures::Textures;
+use anisomap::map::Wrap;
 use anisomap::mesh;
+use anisomap::recipe::Image;
 use anisomap::studio::apart;
 use eframe::egui::Context;
+use std::collections::HashMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -27,20 +32,33 @@ pub(crate) enum Part {
     Mesh,
 }
 
-/// A file that lies beside the recipe now.
-#[derive(Debug)]
-pub(crate) struct Taken {
-    pub(crate) part: Part,
-    /// What the recipe calls it.
-    pub(crate) file: String,
-    /// What there is to say of it.
-    pub(crate) news: Option<String>,
+/// Textures whose meaning was said, to become a layer.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Told {
+    /// What the layer is called.
+    pub(crate) name: String,
+    /// Where the files are; the textures name them from there.
+    pub(crate) from: PathBuf,
+    pub(crate) textures: Textures,
 }
+
+/// What came in.
+pub(crate) enum Taken {
+    /// A mesh that lies beside the recipe now, by the name that the recipe has for it.
+    Mesh(String),
+    /// A map whose files lie beside the recipe now.
+    Layer { name: String, image: Image },
+    /// Textures: what they mean is to be said first.
+    Textures(Box<Seen>),
+}
+
+/// What came in, and what there is to say of it.
+type Came = (Taken, Vec<String>);
 
 /// A file on its way.
 pub(crate) struct Intake {
     pub(crate) path: PathBuf,
-    work: Work<Result<Taken, Error>>,
+    work: Work<Result<Came, Error>>,
 }
 
 impl Intake {
@@ -52,8 +70,22 @@ impl Intake {
         ctx: &Context,
     ) -> Result<Self, Error> {
         let (from, folder) = (path.to_owned(), folder.to_owned());
-        let body = move |reins: &Reins, give: &dyn Fn(Result<Taken, Error>) -> bool| {
-            let taken = apart(|| take(part, &from, &folder));
+        Self::of(path, ctx, move || take(part, &from, &folder))
+    }
+
+    /// Begins to take textures into the folder of a recipe.
+    pub(crate) fn begin_textures(told: Told, folder: &Path, ctx: &Context) -> Result<Self, Error> {
+        let (path, folder) = (told.from.join(&told.name), folder.to_owned());
+        Self::of(&path, ctx, move || take_textures(told, &folder))
+    }
+
+    fn of(
+        path: &Path,
+        ctx: &Context,
+        work: impl FnOnce() -> Result<Came, Error> + Send + 'static,
+    ) -> Result<Self, Error> {
+        let body = move |reins: &Reins, give: &dyn Fn(Result<Came, Error>) -> bool| {
+            let taken = apart(work);
             if reins.go_on() {
                 give(taken);
             }
@@ -65,7 +97,7 @@ impl Intake {
     }
 
     /// The file once it is there, or why it is not; `None` while it is on its way.
-    pub(crate) fn now(&self) -> Option<Result<Taken, Error>> {
+    pub(crate) fn now(&self) -> Option<Result<Came, Error>> {
         match self.work.now() {
             Now::Going => None,
             Now::Came(taken) => Some(taken),
@@ -77,7 +109,7 @@ impl Intake {
 /// What a file may be taken for by its name.
 pub(crate) fn part_of(path: &Path) -> Option<Part> {
     match ending(path).as_str() {
-        "exr" => Some(Part::Map),
+        "exr" | "png" | "tif" | "tiff" => Some(Part::Map),
         "glb" | "gltf" | "obj" => Some(Part::Mesh),
         _ => None,
     }
@@ -87,12 +119,11 @@ pub(crate) fn part_of(path: &Path) -> Option<Part> {
 pub(crate) fn unknown(path: &Path) -> Error {
     let error = Error::file(path, "it is no recipe, map or mesh by its name");
     match ending(path).as_str() {
-        "png" | "jpg" | "jpeg" | "tga" | "tif" | "tiff" | "bmp" | "webp" => error.with_hint(
-            "A picture does not say what its numbers mean. Maps are read from a master EXR, from the pair _alpha.exr and \
-             _direction.exr, and from glTF with KHR_materials_anisotropy",
+        "jpg" | "jpeg" | "tga" | "bmp" | "webp" | "psd" | "dds" => error.with_hint(
+            "Textures are read from PNG, TIFF and OpenEXR files; save it as one of them",
         ),
         _ => error.with_hint(
-            "Recipes end in .toml, maps in .exr, .glb or .gltf, meshes in .glb, .gltf or .obj",
+            "Recipes end in .toml, maps in .exr, .png, .tif, .glb or .gltf, meshes in .glb, .gltf or .obj",
         ),
     }
 }
@@ -102,61 +133,101 @@ fn ending(path: &Path) -> String {
         .map_or(String::new(), |e| e.to_string_lossy().to_lowercase())
 }
 
-fn take(part: Part, path: &Path, folder: &Path) -> Result<Taken, Error> {
+fn take(part: Part, path: &Path, folder: &Path) -> Result<Came, Error> {
     let about = std::fs::metadata(path).map_err(Error::read(path))?;
     if about.is_file() && about.len() == 0 {
         return Err(Error::file(path, "the file is empty").with_hint("Copy or export it once more"));
     }
-    let (file, news) = match part {
-        Part::Mesh => take_mesh(path, folder)?,
-        Part::Map => take_map(path, folder)?,
-    };
-    Ok(Taken { part, file, news })
+    match part {
+        Part::Mesh => take_mesh(path, folder),
+        Part::Map => take_map(path, folder),
+    }
 }
 
-fn take_mesh(path: &Path, folder: &Path) -> Result<(String, Option<String>), Error> {
+fn take_mesh(path: &Path, folder: &Path) -> Result<Came, Error> {
     let triangles = mesh::load(path)?.triangles.len();
-    let news = (triangles > MANY).then(|| {
-        format!(
+    let mut news = vec![];
+    if triangles > MANY {
+        news.push(format!(
             "{} has {}: drawing it takes longer, and the first stroke on it a while",
             path.display(),
             count(triangles, "triangle")
-        )
-    });
-    Ok((lay_beside(path, folder)?, news))
+        ));
+    }
+    let laid = lay_beside(path, &mesh::companions(path)?, folder)?;
+    news.extend(laid.news);
+    // Read from where it lies now: a mesh that cannot be shown is no step of the history.
+    mesh::load(&folder.join(&laid.name))?;
+    Ok((Taken::Mesh(laid.name), news))
 }
 
-/// A master EXR as it is; anything else is kept as a master EXR, lossless, and said by which convention it was read.
-fn take_map(path: &Path, folder: &Path) -> Result<(String, Option<String>), Error> {
+/// A master EXR as it is; what says by itself what its numbers mean is kept as a master EXR, lossless; of anything else that
+/// has to be said.
+fn take_map(path: &Path, folder: &Path) -> Result<Came, Error> {
     let (read, convention) = match (ending(path).as_str(), other_of_pair(path)) {
         ("glb" | "gltf", _) => (read_gltf(path)?, "KHR_materials_anisotropy"),
         ("exr", Some((alpha, direction))) => (
             read_rgb_pair(&alpha, &direction)?,
             "widths and directions in two RGB files",
         ),
-        ("exr", None) => {
+        ("exr", None) if is_master(path)? => {
             read_master(path)?;
-            return Ok((lay_beside(path, folder)?, None));
+            let laid = lay_beside(path, &[], folder)?;
+            let name = stem(Path::new(&laid.name));
+            let image = Image::master(laid.name);
+            return Ok((
+                Taken::Layer { name, image },
+                laid.news.into_iter().collect(),
+            ));
+        }
+        ("exr" | "png" | "tif" | "tiff", None) | ("png" | "tif" | "tiff", Some(_)) => {
+            return Ok((Taken::Textures(Box::new(look_at(path)?)), vec![]));
         }
         _ => return Err(unknown(path)),
     };
     let Imported { map, info, .. } = read;
-    let stem = path
-        .file_stem()
-        .map_or("map".into(), |s| s.to_string_lossy().into_owned());
-    let name = format!(
-        "{}.exr",
-        stem.trim_end_matches("_alpha")
-            .trim_end_matches("_direction")
-    );
-    let to = folder.join(&name);
-    refuse_to_replace(&to)?;
+    let own = stem(path);
+    let own = own
+        .trim_end_matches("_alpha")
+        .trim_end_matches("_direction");
+    let to = free_path(folder, &format!("{own}.exr"));
     write_master(&to, &Export::new(&map, &info), Precision::Float)?;
+    let file = name_of(&to);
     let news = format!(
-        "{} was read as {convention}, and is kept as {name}",
+        "{} was read as {convention}, and is kept as {file}",
         path.display()
     );
-    Ok((name, Some(news)))
+    let name = own.to_owned();
+    let image = Image::master(file);
+    Ok((Taken::Layer { name, image }, vec![news]))
+}
+
+/// Textures by what was said of them: read once, so that what is wrong is told before anything is copied.
+fn take_textures(told: Told, folder: &Path) -> Result<Came, Error> {
+    let Told {
+        name,
+        from,
+        mut textures,
+    } = told;
+    let (_, mended) = textures.read(Wrap::Clamp, |_, file| Ok(from.join(file)))?;
+    let mut news = vec![];
+    if mended.faults() > 0 {
+        news.push(format!(
+            "{name}: {} held what no map can hold, and took the nearest that can",
+            count(mended.faults() as usize, "texel")
+        ));
+    }
+    let mut laid: HashMap<String, String> = HashMap::new();
+    for channel in textures.channels_mut() {
+        if !laid.contains_key(&channel.file) {
+            let one = lay_beside(&from.join(&channel.file), &[], folder)?;
+            news.extend(one.news);
+            laid.insert(channel.file.clone(), one.name);
+        }
+        channel.file.clone_from(&laid[&channel.file]);
+    }
+    let image = Image::of(textures);
+    Ok((Taken::Layer { name, image }, news))
 }
 
 /// Both files of a pair, where a file is one of them by its name and the other is there.
@@ -170,29 +241,122 @@ fn other_of_pair(path: &Path) -> Option<(PathBuf, PathBuf)> {
     both.iter().all(|p| p.is_file()).then(|| both.into())
 }
 
-fn refuse_to_replace(path: &Path) -> Result<(), Error> {
-    if path.exists() {
-        let problem = "a file of this name lies beside the recipe already";
-        return Err(Error::file(path, problem).with_hint("Rename one of them"));
-    }
-    Ok(())
+fn stem(path: &Path) -> String {
+    path.file_stem()
+        .map_or("map".into(), |s| s.to_string_lossy().into_owned())
 }
 
-/// What a recipe in `folder` calls a file; one from elsewhere is copied there.
-fn lay_beside(path: &Path, folder: &Path) -> Result<String, Error> {
-    let name = path
-        .file_name()
-        .ok_or_else(|| Error::file(path, "it is no file"))?;
+fn name_of(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
+/// A path in a folder that nothing has yet: `lid.obj`, `lid_2.obj` and so on.
+fn free_path(folder: &Path, name: &str) -> PathBuf {
+    let (stem, ending) = match name.rsplit_once('.') {
+        Some((stem, ending)) => (stem, format!(".{ending}")),
+        None => (name, String::new()),
+    };
+    let numbered = (2..).map(|n| folder.join(format!("{stem}_{n}{ending}")));
+    std::iter::once(folder.join(name))
+        .chain(numbered)
+        .find(|path| !path.exists())
+        .expect("the numbers do not end before the files")
+}
+
+/// A file that lies in the recipe's folder.
+struct Laid {
+    /// What the recipe calls it.
+    name: String,
+    /// Where it is called otherwise than before.
+    news: Option<String>,
+}
+
+/// A file as a recipe in `folder` may name it. One from elsewhere is copied there; with those that it needs into a folder of
+/// their own. Where another file has its name it gets a number.
+fn lay_beside(path: &Path, needed: &[PathBuf], folder: &Path) -> Result<Laid, Error> {
     let real = path.canonicalize().map_err(Error::read(path))?;
     let home = folder.canonicalize().map_err(Error::read(folder))?;
-    if let Ok(inside) = real.strip_prefix(&home) {
-        return Ok(inside.to_string_lossy().replace('\\', "/"));
+    if let Some(inside) = inside(path, &home).or_else(|| inside(&real, &home)) {
+        let name = inside.to_string_lossy().replace('\\', "/");
+        return Ok(Laid { name, news: None });
     }
-    let beside = folder.join(name);
-    refuse_to_replace(&beside)?;
-    let bytes = std::fs::read(&real).map_err(Error::read(&real))?;
-    write_atomic(&beside, |out| out.write_all(&bytes))?;
-    Ok(name.to_string_lossy().into_owned())
+    let own = name_of(path);
+    let source = path.parent().unwrap_or(Path::new(""));
+    let files: Vec<(PathBuf, PathBuf)> = std::iter::once(PathBuf::from(&own))
+        .chain(needed.iter().cloned())
+        .map(|file| (source.join(&file), file))
+        .collect();
+    let wanted = if needed.is_empty() {
+        own.clone()
+    } else {
+        stem(path)
+    };
+    let place = |to: &Path| {
+        if needed.is_empty() {
+            to.to_owned()
+        } else {
+            to.join(&own)
+        }
+    };
+    let there = |to: &Path| {
+        let at = |file: &Path| {
+            if needed.is_empty() {
+                to.to_owned()
+            } else {
+                to.join(file)
+            }
+        };
+        files.iter().all(|(from, file)| same(from, &at(file)))
+    };
+    let mut to = folder.join(&wanted);
+    if to.exists() && !there(&to) {
+        to = free_path(folder, &wanted);
+    }
+    if !to.exists() {
+        for (from, file) in &files {
+            let target = if needed.is_empty() {
+                to.clone()
+            } else {
+                to.join(file)
+            };
+            copy(from, &target)?;
+        }
+    }
+    let lies = place(&to);
+    let name = lies.strip_prefix(folder).unwrap_or(&lies);
+    let name = name.to_string_lossy().replace('\\', "/");
+    let news =
+        (name != own).then(|| format!("{} is kept beside the recipe as {name}", path.display()));
+    Ok(Laid { name, news })
+}
+
+/// The way to a file from a folder that it lies in.
+fn inside(path: &Path, home: &Path) -> Option<PathBuf> {
+    let parent = path.parent()?.canonicalize().ok()?;
+    let whole = parent.join(path.file_name()?);
+    let stays = whole.canonicalize().ok()?.starts_with(home);
+    whole
+        .strip_prefix(home)
+        .ok()
+        .filter(|_| stays)
+        .map(Path::to_owned)
+}
+
+/// Whether two files hold the same.
+fn same(one: &Path, other: &Path) -> bool {
+    let length = |p: &Path| std::fs::metadata(p).ok().map(|m| m.len());
+    length(one).is_some()
+        && length(one) == length(other)
+        && matches!((std::fs::read(one), std::fs::read(other)), (Ok(a), Ok(b)) if a == b)
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), Error> {
+    let bytes = std::fs::read(from).map_err(Error::read(from))?;
+    if let Some(folder) = to.parent() {
+        std::fs::create_dir_all(folder).map_err(Error::write(folder))?;
+    }
+    write_atomic(to, |out| out.write_all(&bytes)).map(drop)
 }
 
 #[cfg(test)]
@@ -210,6 +374,118 @@ mod tests {
         (all, from, to)
     }
 
+    fn refusal(part: Part, path: &Path, folder: &Path) -> String {
+        match take(part, path, folder) {
+            Err(error) => error.to_string(),
+            Ok(_) => panic!("{} was taken", path.display()),
+        }
+    }
+
+    /// The file and the news of a map that was taken.
+    fn layer_of(came: Result<Came, Error>) -> (String, String) {
+        match came.unwrap() {
+            (Taken::Layer { image, .. }, news) => (image.file.unwrap(), news.join("\n")),
+            _ => panic!("no layer"),
+        }
+    }
+
+    fn mesh_of(came: Result<Came, Error>) -> String {
+        match came.unwrap() {
+            (Taken::Mesh(file), _) => file,
+            _ => panic!("no mesh"),
+        }
+    }
+
+    #[test]
+    fn a_mesh_comes_with_its_buffers_and_writes_over_nothing() {
+        let (_all, from, to) = folders();
+        let map = AnisoMap::constant(Size::new(4, 4).unwrap(), Wrap::Repeat, DEFAULT_TEXEL);
+        let info = MapInfo::default();
+        let plane = mesh::builtin("plane").unwrap();
+        let material = anisomap::recipe::Material::default();
+        let export = Export::new(&map, &info);
+        let stem = from.join("lid");
+        anisomap::export::gltf::write_gltf(&stem, &export, &plane, &material, Default::default())
+            .unwrap();
+        let taken = mesh_of(take(Part::Mesh, &from.join("lid.gltf"), &to));
+        assert_eq!(taken, "lid/lid.gltf");
+        mesh::load(&to.join(&taken)).unwrap();
+        // The same again is the same; another of that name gets a name of its own.
+        assert_eq!(
+            mesh_of(take(Part::Mesh, &from.join("lid.gltf"), &to)),
+            taken
+        );
+        std::fs::write(to.join("lid/lid.bin"), b"other").unwrap();
+        assert_eq!(
+            mesh_of(take(Part::Mesh, &from.join("lid.gltf"), &to)),
+            "lid_2/lid.gltf"
+        );
+        assert_eq!(std::fs::read(to.join("lid/lid.bin")).unwrap(), b"other");
+        // Without its buffer it is refused, and nothing is left of it.
+        std::fs::remove_file(from.join("lid.bin")).unwrap();
+        let refused = refusal(Part::Mesh, &from.join("lid.gltf"), &to);
+        assert!(refused.contains("lid.bin"), "{refused}");
+        assert!(!to.join("lid_3").exists());
+    }
+
+    #[test]
+    fn textures_come_beside_the_recipe_once_they_are_told() {
+        let (_all, from, to) = folders();
+        image::GrayImage::from_pixel(4, 4, image::Luma([128]))
+            .save(from.join("a_roughness.png"))
+            .unwrap();
+        image::GrayImage::from_pixel(4, 4, image::Luma([64]))
+            .save(from.join("a_rotation.png"))
+            .unwrap();
+        std::fs::write(to.join("a_rotation.png"), b"of another").unwrap();
+        let path = from.join("a_roughness.png");
+        let Ok((Taken::Textures(seen), _)) = take(Part::Map, &path, &to) else {
+            panic!("nothing to be said");
+        };
+        assert_eq!(
+            std::fs::read_dir(&to).unwrap().count(),
+            1,
+            "nothing is copied yet"
+        );
+        let told = Told {
+            name: "a".to_owned(),
+            from: from.clone(),
+            textures: seen.guess.textures.clone(),
+        };
+        let (Taken::Layer { name, image }, news) = take_textures(told, &to).unwrap() else {
+            panic!("no layer");
+        };
+        assert_eq!(name, "a");
+        let files: Vec<&String> = image.files().collect();
+        assert_eq!(files, ["a_roughness.png", "a_rotation_2.png"]);
+        assert!(news[0].contains("a_rotation_2.png"), "{news:?}");
+        assert_eq!(
+            std::fs::read(to.join("a_rotation.png")).unwrap(),
+            b"of another"
+        );
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_beside_the_recipe_is_what_it_is() {
+        let (_all, from, to) = folders();
+        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+        std::fs::write(to.join("real.obj"), text).unwrap();
+        std::os::unix::fs::symlink("real.obj", to.join("link.obj")).unwrap();
+        assert_eq!(
+            mesh_of(take(Part::Mesh, &to.join("link.obj"), &to)),
+            "link.obj"
+        );
+        // One that leads out is copied under another name.
+        std::fs::write(from.join("out.obj"), text).unwrap();
+        std::os::unix::fs::symlink(from.join("out.obj"), to.join("out.obj")).unwrap();
+        let taken = mesh_of(take(Part::Mesh, &to.join("out.obj"), &to));
+        assert!(
+            !to.join(&taken).is_symlink() || taken == "out.obj",
+            "{taken}"
+        );
+    }
+
     #[test]
     fn what_cannot_be_taken_is_said_and_leaves_nothing() {
         let (_all, from, to) = folders();
@@ -217,12 +493,8 @@ mod tests {
             ("empty.glb", &b""[..], Part::Mesh, "the file is empty"),
             ("empty.exr", b"", Part::Map, "the file is empty"),
             ("no.exr", b"not an EXR file at all", Part::Map, "no.exr"),
-            (
-                "picture.png",
-                b"\x89PNG",
-                Part::Map,
-                "does not say what its numbers mean",
-            ),
+            ("picture.png", b"\x89PNG", Part::Map, "no usable PNG"),
+            ("photo.jpg", b"jpeg", Part::Map, "save it as one of them"),
             (
                 "flat.obj",
                 b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
@@ -232,11 +504,11 @@ mod tests {
         ] {
             let path = from.join(name);
             std::fs::write(&path, bytes).unwrap();
-            let error = take(part, &path, &to).unwrap_err().to_string();
+            let error = refusal(part, &path, &to);
             assert!(error.contains(wanted), "{name}: {error}");
         }
-        let missing = take(Part::Mesh, &from.join("missing.glb"), &to).unwrap_err();
-        assert!(missing.to_string().contains("missing.glb"), "{missing}");
+        let missing = refusal(Part::Mesh, &from.join("missing.glb"), &to);
+        assert!(missing.contains("missing.glb"), "{missing}");
         assert_eq!(std::fs::read_dir(&to).unwrap().count(), 0);
     }
 
@@ -253,15 +525,16 @@ mod tests {
         let export = Export::new(&map, &info);
         write_rgb_pair(&from.join("satin"), &export, Precision::Float).unwrap();
         for one in ["satin_alpha.exr", "satin_direction.exr"] {
-            let taken = take(Part::Map, &from.join(one), &to).unwrap();
-            assert_eq!(taken.file, "satin.exr");
-            assert!(taken.news.unwrap().contains("two RGB files"));
+            let (file, news) = layer_of(take(Part::Map, &from.join(one), &to));
+            assert_eq!(file, "satin.exr");
+            assert!(news.contains("two RGB files"));
             let back = read_master(&to.join("satin.exr")).unwrap().map;
             assert_eq!(back.size(), map.size());
             assert!((back.alpha_x()[0] - map.alpha_x()[0]).abs() < 1e-6);
-            let again = take(Part::Map, &from.join(one), &to).unwrap_err();
-            assert!(again.to_string().contains("already"), "{again}");
+            let (again, _) = layer_of(take(Part::Map, &from.join(one), &to));
+            assert_eq!(again, "satin_2.exr", "what is there is not written over");
             std::fs::remove_file(to.join("satin.exr")).unwrap();
+            std::fs::remove_file(to.join("satin_2.exr")).unwrap();
         }
     }
 }

@@ -9,6 +9,7 @@ mod files;
 mod guides;
 mod help;
 mod icons;
+mod import;
 mod intake;
 mod keys;
 mod layers;

@@ -170,7 +170,11 @@ impl Inside {
     fn of(source: &Source) -> Self {
         match source {
             Source::Pattern(pattern) => Self::Pattern(pattern.clone()),
-            Source::Image(image) => Self::Image(image.file.clone()),
+            Source::Image(image) => {
+                let mut names: Vec<&str> = image.files().map(String::as_str).collect();
+                names.dedup();
+                Self::Image(names.join(", "))
+            }
             Source::Strokes(strokes) => Self::Strokes(strokes.strokes.len()),
             Source::Guides(guides) => Self::Guides(guides.clone()),
             Source::Stored(_) => Self::Stored,

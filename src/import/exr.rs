@@ -73,6 +73,52 @@ pub fn read_rgb_pair(alpha: &Path, direction: &Path) -> Result<Imported> {
     finish(alpha, &part, [ax, ay, c2, s2])
 }
 
+/// The numbers of one channel, and its size. Letters count alike, large or small, where no channel has just that name.
+///
+/// # Errors
+/// As [`read_master`].
+pub(super) fn read_channel(path: &Path, name: &str) -> Result<(Vec<f32>, Size)> {
+    let names = channels(path)?;
+    let same = |n: &&String| n.eq_ignore_ascii_case(name);
+    let alike = names.iter().find(same).map_or(name, String::as_str);
+    let exact = names.iter().any(|n| n == name);
+    let ([plane], part) = read_channels(path, [if exact { name } else { alike }])?;
+    Ok((plane, part.size))
+}
+
+/// The size of the part that has a channel.
+///
+/// # Errors
+/// As [`read_master`].
+pub(super) fn channel_size(path: &Path, name: &str) -> Result<Size> {
+    let (file, length) = open_regular(path)?;
+    let reader = Reader::read_from_buffered(BufReader::new(file), false);
+    let reader = reader.map_err(|e| unreadable(path, &e))?;
+    Ok(judge(path, reader.meta_data(), length, &[name])?.1.size)
+}
+
+/// The names of the channels of all parts.
+///
+/// # Errors
+/// [`Error::Read`] when the file cannot be opened, [`Error::File`] when it is no OpenEXR file.
+pub fn channels(path: &Path) -> Result<Vec<String>> {
+    let (file, _) = open_regular(path)?;
+    let reader = Reader::read_from_buffered(BufReader::new(file), false);
+    let reader = reader.map_err(|e| unreadable(path, &e))?;
+    let headers = reader.meta_data().headers.iter();
+    let all = headers.flat_map(|h| h.channels.list.iter().map(|c| c.name.to_string()));
+    Ok(all.collect())
+}
+
+/// Whether a file has the channels of a master file.
+///
+/// # Errors
+/// As [`channels`].
+pub fn is_master(path: &Path) -> Result<bool> {
+    let names = channels(path)?;
+    Ok(MASTER.iter().all(|m| names.iter().any(|n| n == m)))
+}
+
 fn finish(path: &Path, part: &Part, planes: [Vec<f32>; 4]) -> Result<Imported> {
     let wrap = part.record.as_ref().map_or(Wrap::default(), |r| r.wrap);
     let (map, mended) = AnisoMap::from_planes(part.size, wrap, planes)?;
@@ -203,15 +249,19 @@ fn judge(path: &Path, meta: &MetaData, length: u64, names: &[&str]) -> Result<(u
             .flat_map(|h| h.channels.list.iter().map(|c| c.name.to_string()))
             .take(20)
             .collect();
-        Error::file(
+        let error = Error::file(
             path,
             format!(
                 "it has the channels {}; needed: {}",
                 found.join(", "),
                 names.join(", ")
             ),
-        )
-        .with_hint("Only a master file has them; anisomap generate NAME -o DIR writes one")
+        );
+        if names == MASTER {
+            error.with_hint("Only a master file has them; anisomap generate NAME -o DIR writes one")
+        } else {
+            error
+        }
     })?;
     let header = &meta.headers[layer];
     let size = claimed_size(path, header)?;

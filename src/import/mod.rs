@@ -6,6 +6,9 @@
 pub mod codes;
 pub mod exr;
 pub mod gltf;
+pub mod guess;
+pub mod numbers;
+pub mod textures;
 
 use crate::convention::MapInfo;
 use crate::error::{Error, Result, open_regular};

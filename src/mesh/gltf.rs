@@ -15,7 +15,7 @@ use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
 use serde::Deserialize;
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Largest JSON part, in bytes. Its structs take up to ten times as much memory as its text.
 const MAX_JSON_BYTES: usize = 1 << 28;
@@ -177,6 +177,25 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     }
     mesh.measure_aspect();
     Ok(mesh)
+}
+
+/// The files beside it that hold its buffers.
+pub(super) fn companions(path: &Path, bytes: &[u8]) -> Result<Vec<PathBuf>> {
+    let damaged = |problem: String| Error::file(path, problem).with_hint(DAMAGED_HINT);
+    let (json, _) = if bytes.starts_with(b"glTF") {
+        split_glb(bytes).map_err(damaged)?
+    } else {
+        (bytes, None)
+    };
+    let document = read_document(json).map_err(damaged)?;
+    let named = document.buffers.iter().filter_map(|b| b.uri.as_deref());
+    let mut files: Vec<PathBuf> = named
+        .filter(|uri| !uri.starts_with("data:"))
+        .filter_map(path_beside)
+        .collect();
+    files.sort();
+    files.dedup();
+    Ok(files)
 }
 
 fn read_document(json: &[u8]) -> Result<Document, String> {

@@ -29,7 +29,7 @@ use crate::error::{Error, Result, nearest_word, open_regular};
 use glam::{Vec2, Vec3, Vec4};
 use std::borrow::Cow;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The built-in shapes, as `--mesh` names them.
 pub const BUILTIN_NAMES: [&str; 6] = ["torus", "pot", "sphere", "plane", "cylinder", "disc"];
@@ -245,6 +245,19 @@ pub fn load(path: &Path) -> Result<Mesh> {
         .map(|s| s.to_string_lossy().into_owned())
         .unwrap_or_default();
     Ok(mesh)
+}
+
+/// The files that a mesh file cannot be read without, seen from its folder: the buffers of a glTF file.
+///
+/// # Errors
+/// As [`load`], as far as it concerns the file itself.
+pub fn companions(path: &Path) -> Result<Vec<PathBuf>> {
+    let ending = path.extension().map(|e| e.to_ascii_lowercase());
+    if ending.is_some_and(|e| e == "glb" || e == "gltf") {
+        gltf::companions(path, &read_limited(path, MAX_FILE_BYTES)?)
+    } else {
+        Ok(vec![])
+    }
 }
 
 /// A regular file of at most `limit` bytes.

@@ -345,7 +345,7 @@ fn prepare_source(
     let fill: Arc<dyn Fill> = match source {
         Source::Pattern(p) => p.prepare(own)?.into(),
         Source::Image(image) => {
-            let laid = image.prepare(&format!("{key}.image.file"), own, files)?;
+            let laid = image.prepare(&format!("{key}.image"), own, files)?;
             mended = laid.mended;
             Arc::new(laid)
         }

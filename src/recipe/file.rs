@@ -180,7 +180,7 @@ impl RecipeFile {
     /// Whether it names a file outside its own folder, which `--allow-outside` is needed for.
     pub fn names_outside(&self) -> bool {
         let named = self.recipe.layers.iter().flat_map(|l| match &l.source {
-            Source::Image(image) => vec![&image.file],
+            Source::Image(image) => image.files().collect(),
             Source::Stored(stored) => stored.files().collect(),
             Source::Strokes(_) | Source::Pattern(_) | Source::Guides(_) => vec![],
         });

@@ -133,7 +133,7 @@ impl Way {
     /// Renames every file that a layer names.
     pub(crate) fn of_layer(&self, layer: &mut Layer) {
         match &mut layer.source {
-            Source::Image(image) => self.of_file(&mut image.file),
+            Source::Image(image) => image.files_mut().for_each(|name| self.of_file(name)),
             Source::Stored(stored) => stored.files_mut().for_each(|name| self.of_file(name)),
             Source::Strokes(_) | Source::Pattern(_) | Source::Guides(_) => {}
         }

@@ -1,28 +1,103 @@
 //! A finished map as a layer's source.
 
 use super::Files;
-use crate::error::Result;
+use super::layer::below;
+use crate::error::{Error, Result};
 use crate::filter::reduce;
 use crate::import::Imported;
 use crate::import::exr::read_master;
+use crate::import::textures::Textures;
 use crate::map::{AnisoMap, Mended, RegionMut, Size};
 use crate::pattern::{Fill, Patch, Surface};
 use serde::{Deserialize, Serialize};
 
-/// A master EXR, laid over the whole map.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A finished map, laid over the whole map: a master EXR, or the textures of another program. One of the two is there.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Image {
-    /// The file, from the recipe's folder.
-    pub file: String,
+    /// The master EXR, from the recipe's folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Textures, and what their numbers mean.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub textures: Option<Textures>,
 }
 
 impl Image {
-    /// Reads the file and makes it fit: a smaller map gets the mean lobes of what its texels cover, a larger one blends
-    /// between the file's texels.
+    /// A master EXR.
+    pub fn master(file: impl Into<String>) -> Self {
+        Self {
+            file: Some(file.into()),
+            textures: None,
+        }
+    }
+
+    /// Textures with what they mean.
+    pub fn of(textures: Textures) -> Self {
+        Self {
+            file: None,
+            textures: Some(textures),
+        }
+    }
+
+    /// Whether it tells the direction and no widths.
+    pub fn is_direction_alone(&self) -> bool {
+        let textures = self.textures.as_ref();
+        textures.is_some_and(|t| t.first.is_none() && t.direction.is_some())
+    }
+
+    /// The names of its files.
+    pub fn files(&self) -> impl Iterator<Item = &String> {
+        let textures = self.textures.iter();
+        let of_textures = textures.flat_map(|t| t.channels().map(|(_, c)| &c.file));
+        self.file.iter().chain(of_textures)
+    }
+
+    /// The names of its files, to be changed when the recipe moves.
+    pub(crate) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        let textures = self.textures.iter_mut();
+        let of_textures = textures.flat_map(|t| t.channels_mut().map(|c| &mut c.file));
+        self.file.iter_mut().chain(of_textures)
+    }
+
+    /// Whether it says what it is; names a key of its own table alone. Whether its files can be read is known when they are.
+    pub(super) fn check(&self) -> Result<()> {
+        match (&self.file, &self.textures) {
+            (Some(_), None) => Ok(()),
+            (None, Some(textures)) => textures.check().map_err(below("textures".to_owned())),
+            (None, None) => Err(Error::invalid(
+                "file",
+                "missing",
+                "allowed: only where `textures` is there",
+            )),
+            (Some(file), Some(_)) => Err(Error::invalid(
+                "file",
+                format!("`{file}`"),
+                "allowed: only without `textures`",
+            )),
+        }
+    }
+
+    fn read(&self, key: &str, surface: &Surface, files: &Files) -> Result<(AnisoMap, Mended)> {
+        match (&self.file, &self.textures) {
+            (None, Some(textures)) => {
+                let key = format!("{key}.textures");
+                let find = |of: &str, name: &str| files.resolve(&format!("{key}.{of}"), name);
+                textures.read(surface.wrap, find)
+            }
+            (file, _) => {
+                let name = file.as_deref().unwrap_or_default();
+                let path = files.resolve(&format!("{key}.file"), name)?;
+                let Imported { map, mended, .. } = read_master(&path)?;
+                Ok((map, mended))
+            }
+        }
+    }
+
+    /// Reads the files, which `key` names as the layer's table, and makes them fit: a smaller map gets the mean lobes of what
+    /// its texels cover, a larger one blends between the file's texels.
     pub(super) fn prepare(&self, key: &str, surface: &Surface, files: &Files) -> Result<Laid> {
-        let path = files.resolve(key, &self.file)?;
-        let Imported { map, mended, .. } = read_master(&path)?;
+        let (map, mended) = self.read(key, surface, files)?;
         let kept = Size::new(
             map.width().min(surface.size.width()),
             map.height().min(surface.size.height()),

@@ -75,10 +75,11 @@ impl Source {
         }
     }
 
-    /// The channels that a layer of it touches when it does not say: all; of guides that state no widths, the direction alone.
+    /// The channels that a layer of it touches when it does not say: all; of guides and textures that state no widths, the direction alone.
     pub fn channels(&self) -> Channels {
         match self {
             Self::Guides(g) if !g.has_widths() => Channels::DIRECTION,
+            Self::Image(i) if i.is_direction_alone() => Channels::DIRECTION,
             _ => Channels::ALL,
         }
     }
@@ -338,7 +339,7 @@ impl Layer {
             Source::Stored(s) => s.check().map_err(below(format!("{at}.stored"))),
             Source::Strokes(s) => s.check().map_err(below(format!("{at}.strokes"))),
             Source::Guides(g) => g.check().map_err(below(format!("{at}.guides"))),
-            Source::Image(_) => Ok(()), // whether the file may be read is known when it is
+            Source::Image(i) => i.check().map_err(below(format!("{at}.image"))),
         }
     }
 }

@@ -526,7 +526,7 @@ fn undo_after_saving_elsewhere_finds_its_files() {
     let mut studio = Studio::new(file, Some(here.join("recipe.toml")), Options::default()).unwrap();
     let before = studio.recipe().clone();
     let file = "y.exr".to_owned();
-    let other = Source::Image(recipe::Image { file });
+    let other = Source::Image(recipe::Image::master(file));
     studio.set_source(0, "Image", other).unwrap();
     studio.remove_layer(1).unwrap();
     let header = Header {
@@ -551,7 +551,7 @@ fn undo_after_saving_elsewhere_finds_its_files() {
     let images = |studio: &Studio| -> Vec<PathBuf> {
         let layers = studio.recipe().layers.iter();
         let names = layers.map(|layer| match &layer.source {
-            Source::Image(image) => named(studio, &image.file),
+            Source::Image(image) => named(studio, image.files().next().unwrap()),
             _ => panic!("an image"),
         });
         names.collect()

@@ -227,7 +227,7 @@ impl Kept {
         let map = self.unrounded.as_ref().unwrap_or(&self.map);
         let written = write_master(&path, &Export::new(map, &info), precision)?;
         let file = name(&path)?;
-        Ok((Source::Image(Image { file }), vec![written]))
+        Ok((Source::Image(Image::master(file)), vec![written]))
     }
 }
 

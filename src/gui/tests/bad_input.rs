@@ -54,11 +54,7 @@ fn files_of_the_wrong_kind_are_refused_and_the_work_stays() {
     let elsewhere = tempfile::tempdir().unwrap();
     let before = map(&window);
     for (name, bytes, wanted) in [
-        (
-            "picture.png",
-            &b"\x89PNG\r\n"[..],
-            "does not say what its numbers mean",
-        ),
+        ("picture.png", &b"\x89PNG\r\n"[..], "no usable PNG"),
         ("empty.exr", b"", "the file is empty"),
         ("empty.glb", b"", "the file is empty"),
         ("empty.obj", b"", "the file is empty"),
@@ -129,6 +125,54 @@ fn several_files_come_in_one_after_the_other() {
         told(&window)
     );
     assert!(folder.path().join("square.obj").is_file() && folder.path().join("lake.exr").is_file());
+}
+
+#[test]
+fn textures_come_in_once_it_is_said_what_they_mean() {
+    let (mut window, folder) = saved_window();
+    let elsewhere = tempfile::tempdir().unwrap();
+    for (name, value) in [
+        ("s_Roughness.png", 128),
+        ("s_Anisotropic.png", 200),
+        ("s_Rotation.png", 32),
+    ] {
+        let grey = image::GrayImage::from_pixel(8, 8, image::Luma([value]));
+        grey.save(elsewhere.path().join(name)).unwrap();
+    }
+    let before = window.state().desk.studio.recipe().layers.len();
+    drop_files(&mut window, &[elsewhere.path().join("s_Rotation.png")]);
+    assert!(
+        matches!(window.state().dialog, Some(Dialog::Import(_))),
+        "{}",
+        told(&window)
+    );
+    assert_eq!(window.state().desk.studio.recipe().layers.len(), before);
+    window.get_by_label("Import").click();
+    window.step();
+    for _ in 0..400 {
+        window.step();
+        if !window.state().is_reading() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    settle(&mut window);
+    let recipe = window.state().desk.studio.recipe();
+    let layer = recipe.layers.iter().find(|l| l.name() == "s");
+    let Some(Source::Image(image)) = layer.map(|l| &l.source) else {
+        panic!("no layer: {}", told(&window));
+    };
+    let textures = image.textures.as_ref().unwrap();
+    assert_eq!(
+        textures.convention,
+        anisomap::convention::textures::Convention::named("Blender Principled").unwrap()
+    );
+    for name in ["s_Roughness.png", "s_Anisotropic.png", "s_Rotation.png"] {
+        assert!(folder.path().join(name).is_file(), "{name}");
+    }
+    // Undone at once, as any other layer.
+    window.state_mut().desk.studio.undo().unwrap();
+    assert_eq!(window.state().desk.studio.recipe().layers.len(), before);
 }
 
 #[test]

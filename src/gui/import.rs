@@ -1,0 +1,432 @@
+//! Says what the numbers of textures mean: a guess by their names, what it makes of them, and everything to be changed.
+
+use super::intake::Told;
+use super::theme::Palette;
+use super::widgets::caption;
+use anisomap::Error;
+use anisomap::convention::LobeFit;
+use anisomap::convention::textures::{Convention, Curve, Encoding, Leads, Widths};
+use anisomap::import::guess::{Guess, guess, pictures_beside};
+use anisomap::import::numbers::Numbers;
+use anisomap::import::textures::{Channel, Textures};
+use anisomap::map::{AnisoMap, Size, Wrap};
+use anisomap::studio::view::{Averages, Camera2d, Lighting, View};
+use eframe::egui::{self, ColorImage, ComboBox, DragValue, RichText, TextureHandle, Ui, vec2};
+use std::path::{Path, PathBuf};
+
+/// Every picture is looked at in so many places a side.
+const PLACES: u32 = 96;
+/// The most pictures of a folder that are offered.
+const PICTURES: usize = 16;
+
+/// A channel of a picture, at some places of it.
+struct Sampled {
+    channel: Channel,
+    values: Vec<f32>,
+}
+
+/// Textures before it is said what they mean.
+pub(crate) struct Seen {
+    folder: PathBuf,
+    pub(crate) guess: Guess,
+    channels: Vec<Sampled>,
+    sizes: Vec<(String, Size)>,
+}
+
+/// Looks at a picture and at those beside it.
+///
+/// # Errors
+/// When the picture itself cannot be read.
+pub(crate) fn look_at(path: &Path) -> Result<Seen, Error> {
+    let guess = guess(path)?;
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    let mut files: Vec<String> = Vec::new();
+    let of_guess = guess.textures.channels().map(|(_, c)| c.file.clone());
+    for file in of_guess.chain(pictures_beside(path)) {
+        if files.len() < PICTURES && !files.contains(&file) {
+            files.push(file);
+        }
+    }
+    let mut seen = Seen {
+        folder,
+        guess,
+        channels: Vec::new(),
+        sizes: Vec::new(),
+    };
+    for file in files {
+        // One that cannot be read is not offered.
+        let _ = seen.add(file);
+    }
+    Ok(seen)
+}
+
+impl Seen {
+    fn add(&mut self, file: String) -> Result<(), Error> {
+        let path = self.folder.join(&file);
+        let numbers = Numbers::open(&path)?;
+        let size = numbers.size();
+        for name in numbers.channels() {
+            let plane = numbers.plane(&path, &name)?;
+            let at = |i: u32, side: u32| {
+                ((u64::from(2 * i + 1) * u64::from(side)) / u64::from(2 * PLACES)) as usize
+            };
+            let place =
+                |(x, y)| plane[at(y, size.height()) * size.width() as usize + at(x, size.width())];
+            let all = (0..PLACES).flat_map(|y| (0..PLACES).map(move |x| (x, y)));
+            self.channels.push(Sampled {
+                channel: Channel::new(&*file, name),
+                values: all.map(place).collect(),
+            });
+        }
+        self.sizes.push((file, size));
+        Ok(())
+    }
+
+    fn values(&self, channel: Option<&Channel>) -> Option<&[f32]> {
+        let channel = channel?;
+        let same = |s: &&Sampled| {
+            let named = &s.channel;
+            named.file == channel.file && named.channel.eq_ignore_ascii_case(&channel.channel)
+        };
+        self.channels.iter().find(same).map(|s| &*s.values)
+    }
+
+    /// What the textures make at the places that were looked at.
+    fn map(&self, textures: &Textures) -> Result<AnisoMap, Error> {
+        let slots = [
+            &textures.first,
+            &textures.second,
+            &textures.direction,
+            &textures.direction_v,
+        ];
+        let values = slots.map(|slot| self.values(slot.as_ref()));
+        let mut planes = [const { Vec::new() }; 4];
+        for i in 0..(PLACES * PLACES) as usize {
+            let t = textures.texel(values.map(|v| v.map(|v| v[i])));
+            let numbers = [t.alpha_x, t.alpha_y, t.axis.cos2, t.axis.sin2];
+            for (plane, number) in planes.iter_mut().zip(numbers) {
+                plane.push(number);
+            }
+        }
+        let size = Size::new(PLACES, PLACES)?;
+        Ok(AnisoMap::from_planes(size, Wrap::Clamp, planes)?.0)
+    }
+}
+
+/// The dialog.
+pub(crate) struct ImportDialog {
+    seen: Box<Seen>,
+    textures: Textures,
+    name: String,
+    shown: Option<Shown>,
+}
+
+/// What the textures make as they are told now.
+struct Shown {
+    of: Textures,
+    lit: TextureHandle,
+    direction: TextureHandle,
+    says: Vec<String>,
+}
+
+/// What the dialog wants done.
+pub(crate) enum Wish {
+    Stay,
+    Close,
+    Import(Box<Told>),
+}
+
+/// The side of the small pictures.
+const SIDE: u32 = 168;
+
+impl ImportDialog {
+    pub(crate) fn new(seen: Box<Seen>) -> Self {
+        Self {
+            textures: seen.guess.textures.clone(),
+            name: seen.guess.name.clone(),
+            seen,
+            shown: None,
+        }
+    }
+
+    pub(crate) fn show(&mut self, ui: &mut Ui) -> Wish {
+        let palette = Palette::of(ui);
+        ui.set_width(620.0);
+        ui.heading("Import textures");
+        ui.label("What do the numbers in these pictures mean? This is a guess by their names.");
+        self.convention(ui);
+        ui.horizontal_top(|ui| {
+            ui.vertical(|ui| {
+                ui.set_width(620.0 - f32::from(SIDE as u16) - 20.0);
+                self.slots(ui);
+                self.meaning(ui);
+            });
+            ui.vertical(|ui| self.preview(ui));
+        });
+        ui.horizontal(|ui| {
+            ui.label("Name of the layer");
+            ui.add(egui::TextEdit::singleline(&mut self.name).desired_width(200.0))
+                .accessible_name("Name of the layer");
+        });
+        let problem = self.problem();
+        if let Some(problem) = &problem {
+            ui.add(egui::Label::new(RichText::new(problem).color(palette.error)).wrap());
+        }
+        ui.add_space(8.0);
+        let mut wish = Wish::Stay;
+        ui.horizontal(|ui| {
+            let go = egui::Button::new(RichText::new("Import").color(palette.text))
+                .fill(palette.accent_ground);
+            if ui
+                .add_enabled(problem.is_none(), go)
+                .on_hover_text("Lays the pictures beside the recipe, and makes a layer of them.")
+                .clicked()
+            {
+                let name = self.name.trim();
+                wish = Wish::Import(Box::new(Told {
+                    name: if name.is_empty() { "map" } else { name }.to_owned(),
+                    from: self.seen.folder.clone(),
+                    textures: self.textures.clone(),
+                }));
+            }
+            if ui.button("Cancel").clicked() {
+                wish = Wish::Close;
+            }
+        });
+        wish
+    }
+
+    /// Why it cannot be imported so.
+    fn problem(&self) -> Option<String> {
+        if let Err(error) = self.textures.check() {
+            return Some(error.to_string());
+        }
+        let size = |c: &Channel| self.seen.sizes.iter().find(|(f, _)| *f == c.file);
+        let mut sizes = self.textures.channels().filter_map(|(_, c)| size(c));
+        let (first, want) = sizes.next()?;
+        let other = sizes.find(|(_, s)| s != want);
+        other.map(|(file, size)| {
+            format!("{file} is {size}, but {first} is {want}. Resize one to the size of the other")
+        })
+    }
+
+    fn convention(&mut self, ui: &mut Ui) {
+        let now = Convention::NAMED
+            .iter()
+            .find(|n| n.convention == self.textures.convention);
+        caption(ui, "Convention");
+        ComboBox::from_id_salt("convention")
+            .width(240.0)
+            .selected_text(now.map_or("As below", |n| n.name))
+            .show_ui(ui, |ui| {
+                for named in Convention::NAMED {
+                    let chosen = now.is_some_and(|n| n.name == named.name);
+                    if ui
+                        .selectable_label(chosen, named.name)
+                        .on_hover_text(named.about)
+                        .clicked()
+                    {
+                        self.textures.convention = named.convention;
+                        if named.convention.encoding == Encoding::Angle {
+                            self.textures.direction_v = None;
+                        }
+                    }
+                }
+            })
+            .response
+            .accessible_name("Convention");
+        let about = now.map_or("Neither of those that have a name.", |n| n.about);
+        ui.add(egui::Label::new(RichText::new(about).color(Palette::of(ui).weak)).wrap());
+    }
+
+    fn slots(&mut self, ui: &mut Ui) {
+        let c = self.textures.convention;
+        let (first, second) = match (c.widths, c.curve, c.inverted) {
+            (Widths::Alpha, ..) => ("Width along", "Width across"),
+            (Widths::Gltf, ..) => ("Roughness", "Strength"),
+            (_, _, true) => ("Smoothness", "Anisotropy"),
+            (_, Curve::Square, _) => ("Roughness", "Anisotropy"),
+            _ => ("Width", "Anisotropy"),
+        };
+        let two = c.encoding != Encoding::Angle;
+        let (u, v) = match c.encoding {
+            Encoding::Angle => ("Angle", ""),
+            Encoding::Vector => ("Direction, right", "Direction, up"),
+            Encoding::Double => ("cos 2\u{3b8}", "sin 2\u{3b8}"),
+        };
+        caption(ui, "Channels");
+        let Self { seen, textures, .. } = self;
+        egui::Grid::new("channels").num_columns(2).show(ui, |ui| {
+            let slots = [
+                (first, &mut textures.first),
+                (second, &mut textures.second),
+                (u, &mut textures.direction),
+            ];
+            for (label, slot) in slots {
+                channel(ui, label, seen, slot);
+            }
+            if two {
+                channel(ui, v, seen, &mut textures.direction_v);
+            }
+        });
+        if !two || textures.direction.is_none() {
+            textures.direction_v = None;
+        }
+    }
+
+    fn meaning(&mut self, ui: &mut Ui) {
+        let c = &mut self.textures.convention;
+        egui::CollapsingHeader::new("What the numbers mean")
+            .id_salt("meaning")
+            .show(ui, |ui| {
+                egui::Grid::new("meaning").num_columns(2).show(ui, |ui| {
+                    pick(ui, "Widths by", &mut c.widths, &Widths::ALL.map(|w| (w, formula(w))));
+                    let curves = [(Curve::Linear, "a width"), (Curve::Square, "a roughness: its square is the width")];
+                    pick(ui, "First number is", &mut c.curve, &curves);
+                    tick(ui, "Inverted", &mut c.inverted, "1 minus it is stored: smoothness, glossiness.");
+                    number(ui, "Width of a 1", &mut c.scale, 1e-3..=100.0);
+                    number(ui, "Factor of the second", &mut c.strength, 0.0..=1.0);
+                    tick(ui, "Second from the middle", &mut c.second_from_middle, "A stored 0 is -1, a stored 0.5 is 0.");
+                    let fits = [(LobeFit::Identity, "Ward or Beckmann"), (LobeFit::WardToGgx, "GGX: the nearest Ward lobe")];
+                    pick(ui, "Lobe", &mut c.lobe_fit, &fits);
+                    let encodings = [(Encoding::Angle, "an angle"), (Encoding::Vector, "a vector"), (Encoding::Double, "a vector of the doubled angle")];
+                    pick(ui, "Direction is", &mut c.encoding, &encodings);
+                    tick(ui, "Vector from the middle", &mut c.direction_from_middle, "A stored 0 is -1, a stored 0.5 is 0.");
+                    number(ui, "Degrees of a 1", &mut c.angle_range, 1.0..=720.0);
+                    tick(ui, "Clockwise", &mut c.clockwise, "Angles grow clockwise; the second part of a vector points down the picture.");
+                    number(ui, "Degrees added", &mut c.rotation, -360.0..=360.0);
+                    let axes = [(Leads::Along, "the axis that the widths' formula calls along"), (Leads::Highlight, "the highlight"), (Leads::Grooves, "the grooves")];
+                    pick(ui, "Direction of", &mut c.leads, &axes);
+                });
+            });
+    }
+
+    fn preview(&mut self, ui: &mut Ui) {
+        if self.shown.as_ref().is_none_or(|s| s.of != self.textures) {
+            self.shown = Shown::draw(ui, &self.seen, &self.textures).ok();
+        }
+        let Some(shown) = &self.shown else { return };
+        for (texture, about) in [
+            (&shown.lit, "The map in flat light."),
+            (
+                &shown.direction,
+                "The direction of the x axis as hue; dark where widths are alike.",
+            ),
+        ] {
+            let size = vec2(f32::from(SIDE as u16), f32::from(SIDE as u16));
+            ui.add(egui::Image::new((texture.id(), size)).alt_text(about))
+                .on_hover_text(about);
+        }
+        for line in &shown.says {
+            ui.label(RichText::new(line).small());
+        }
+    }
+}
+
+impl Shown {
+    fn draw(ui: &Ui, seen: &Seen, textures: &Textures) -> Result<Self, Error> {
+        let map = seen.map(textures)?;
+        let averages = Averages::new(&map);
+        let canvas = Size::new(SIDE, SIDE)?;
+        let camera = Camera2d::fit(map.size(), canvas, 1.0);
+        let draw = |name: &str, view: View| {
+            let mut rgba = vec![0; 4 * canvas.texels()];
+            let all = canvas.rect();
+            view.draw(&map, &averages, &camera, all, &mut rgba);
+            let image = ColorImage::from_rgba_premultiplied([SIDE as usize; 2], &rgba);
+            ui.ctx()
+                .load_texture(name, image, egui::TextureOptions::LINEAR)
+        };
+        let range = |plane: &[f32]| {
+            let low = plane.iter().copied().fold(f32::INFINITY, f32::min);
+            let high = plane.iter().copied().fold(0.0, f32::max);
+            format!("{low:.3} to {high:.3}")
+        };
+        let middle = map.texel(PLACES / 2, PLACES / 2);
+        Ok(Self {
+            of: textures.clone(),
+            lit: draw("import lit", View::Lit(Lighting::default())),
+            direction: draw("import direction", View::Direction),
+            says: vec![
+                format!("alpha_x {}", range(map.alpha_x())),
+                format!("alpha_y {}", range(map.alpha_y())),
+                format!(
+                    "in the middle {:.3}, {:.3} at {:.1}\u{b0}",
+                    middle.alpha_x,
+                    middle.alpha_y,
+                    middle.axis.degrees()
+                ),
+            ],
+        })
+    }
+}
+
+fn channel(ui: &mut Ui, label: &str, seen: &Seen, slot: &mut Option<Channel>) {
+    ui.label(label);
+    let text = |c: &Channel| format!("{}  {}", c.file, c.channel.to_uppercase());
+    ComboBox::from_id_salt(("channel", label))
+        .width(270.0)
+        .truncate()
+        .selected_text(slot.as_ref().map_or("none".to_owned(), text))
+        .show_ui(ui, |ui| {
+            ui.selectable_value(slot, None, "none");
+            for sampled in &seen.channels {
+                let value = Some(sampled.channel.clone());
+                ui.selectable_value(slot, value, text(&sampled.channel));
+            }
+        })
+        .response
+        .accessible_name(label);
+    ui.end_row();
+}
+
+fn pick<T: Copy + PartialEq>(ui: &mut Ui, label: &str, value: &mut T, all: &[(T, &str)]) {
+    ui.label(label);
+    let now = all.iter().find(|(v, _)| v == value).map_or("", |(_, t)| t);
+    ComboBox::from_id_salt(label)
+        .width(230.0)
+        .truncate()
+        .selected_text(now)
+        .show_ui(ui, |ui| {
+            for (one, text) in all {
+                ui.selectable_value(value, *one, *text);
+            }
+        })
+        .response
+        .accessible_name(label);
+    ui.end_row();
+}
+
+fn tick(ui: &mut Ui, label: &str, value: &mut bool, tip: &str) {
+    ui.label(label);
+    let text = if *value { "yes" } else { "no" };
+    ui.checkbox(value, text)
+        .on_hover_text(tip)
+        .accessible_name(label);
+    ui.end_row();
+}
+
+fn number(ui: &mut Ui, label: &str, value: &mut f32, range: std::ops::RangeInclusive<f32>) {
+    ui.label(label);
+    ui.add(
+        DragValue::new(value)
+            .range(range)
+            .speed(0.01)
+            .max_decimals(5),
+    )
+    .accessible_name(label);
+    ui.end_row();
+}
+
+fn formula(widths: Widths) -> &'static str {
+    match widths {
+        Widths::Alpha => "two widths",
+        Widths::Gltf => "glTF: mix(a, 1, s\u{b2})",
+        Widths::Disney => "Disney, Blender: 1 to 10 at most",
+        Widths::StandardSurface => "Standard Surface: 1 to 50 at most",
+        Widths::OpenPbr => "OpenPBR",
+        Widths::KullaConty => "Unreal, Unity: a (1 \u{b1} s)",
+        Widths::Glossy => "Blender's glossy node",
+        Widths::Substance => "Substance Painter: a / (1 - s)",
+    }
+}
