@@ -476,6 +476,9 @@ impl App {
         if let Some(kind) = ToolKind::ALL.into_iter().find(|k| k.action() == action) {
             self.canvas.cancel(desk);
             desk.hand.take(kind);
+            if kind == ToolKind::Guide {
+                guides::find_layer(desk);
+            }
             return;
         }
         if let Some(kind) = Kind::ALL.into_iter().find(|k| k.action() == action) {
@@ -513,8 +516,9 @@ impl App {
                 desk.redraw = desk.redraw.or(Redraw::Sharp);
             }
             Action::Cancel => {
-                self.canvas.cancel(desk);
-                self.viewport.cancel(desk);
+                if !self.canvas.cancel(desk) && !self.viewport.cancel(desk) {
+                    desk.guides.selected = None;
+                }
             }
             Action::Settings => self.dialog = Some(Dialog::Settings),
             _ => {}
@@ -558,7 +562,8 @@ impl App {
             Action::MergeDown => desk.studio.merge_down(at),
             Action::NewGuideLayer => {
                 desk.hand.take(ToolKind::Guide);
-                desk.studio.add_layer(guides::layer())
+                let layer = guides::layer(desk);
+                desk.studio.add_layer(layer)
             }
             Action::DeleteLayer => {
                 let mut hand = std::mem::take(&mut desk.guides);

@@ -318,7 +318,7 @@ impl CanvasPane {
         // A flat map cannot be turned: what turns the mesh moves it.
         let pans = matches!(held, Some(Drag::Turn | Drag::Pan))
             || (space && response.dragged_by(PointerButton::Primary));
-        if pans && self.drawing.is_none() {
+        if pans && self.drawing.is_none() && !desk.guides.is_held() {
             let delta = response.drag_delta();
             let by = DVec2::new(f64::from(delta.x), f64::from(delta.y)) * scale;
             *camera = camera.panned(self.map, by);
@@ -614,7 +614,10 @@ impl CanvasPane {
             desk.studio.cancel_stroke();
             return true;
         }
-        adjusting.is_some()
+        let mut guides = std::mem::take(&mut desk.guides);
+        let dragged = guides.cancel(desk);
+        desk.guides = guides;
+        adjusting.is_some() || dragged
     }
 
     /// Begins to change size or flow by moving the pointer.
@@ -697,10 +700,14 @@ impl CanvasPane {
             self.rect.min + vec2(pixel.x as f32, pixel.y as f32) / pixels
         };
         let to_uv = |at: Pos2| camera.uv_at(self.map, self.pixel(ui, at)).as_vec2();
+        let busy = self.adjusting.is_some() || ui.input(|i| i.key_down(egui::Key::Space));
+        let taken = |at: Pos2| busy || self.is_lamp(at);
         let sheet = Sheet {
             to_screen: &to_screen,
             to_uv: &to_uv,
             unit: self.points_per_unit(ui, camera) * extent.y,
+            wrap: self.wrap,
+            taken: &taken,
         };
         let mut hand = std::mem::take(&mut desk.guides);
         hand.show(ui, painter, response, desk, &sheet);
@@ -724,12 +731,10 @@ impl CanvasPane {
             _ => return,
         };
         if !desk.hand.kind().paints() {
-            let icon = if desk.hand.kind() == ToolKind::Pick {
-                egui::CursorIcon::Crosshair
-            } else {
-                egui::CursorIcon::Default
-            };
-            ui.ctx().set_cursor_icon(icon);
+            // The hand on the guides says itself what it would do.
+            if desk.hand.kind() == ToolKind::Pick {
+                ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
+            }
             self.hint_of_modifiers(ui, painter, pointer, desk, camera, 0.0);
             return;
         }
@@ -774,7 +779,12 @@ impl CanvasPane {
         radius: f32,
     ) {
         let (modifiers, space) = ui.input(|i| (i.modifiers, i.key_down(egui::Key::Space)));
-        let text = if modifiers.alt {
+        let of_guides = (desk.hand.kind() == ToolKind::Guide)
+            .then(|| desk.guides.hint(modifiers))
+            .flatten();
+        let text = if let Some(text) = of_guides {
+            text
+        } else if modifiers.alt {
             "left or middle drag: move the map; right drag: zoom"
         } else if space {
             "drag: move the map"

@@ -1,33 +1,60 @@
-//! Guides by hand: their outlines and handles on the canvas, their numbers in the panel.
+//! Guides by hand: drawn, dragged by their handles and deleted on the canvas, their numbers in the panel.
 
-use super::canvas::extent;
+use super::canvas::{Pen, extent, pen};
 use super::desk::Desk;
 use super::icons::Icon;
+use super::properties::sentence;
 use super::theme::Palette;
 use super::tools::shown;
 use super::widgets::{Bar, caption, choices, icon_button};
 use anisomap::guide::{Guide, Guides, HandleKind, Mode, Modifiers, Shape};
-use anisomap::recipe::{Layer, Source};
-use eframe::egui::{self, Color32, Painter, Pos2, Stroke, Ui};
+use anisomap::map::AnisoMap;
+use anisomap::recipe::{Channels, Layer, Source};
+use eframe::egui::{self, Color32, CursorIcon, Painter, Pos2, Stroke, Ui};
 use glam::Vec2;
 
 /// How near the pointer must be to a handle, and to an outline, points.
 const NEAR_HANDLE: f32 = 9.0;
 const NEAR_OUTLINE: f32 = 6.0;
+/// How far a press must go before it draws, and how far a hand trembles, points.
+const DRAWS: f32 = 5.0;
+const TREMBLE: f32 = 2.5;
+/// Widths whose ratio stays below this show no direction to speak of.
+const ROUND: f32 = 1.25;
 
 /// What is being dragged.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 enum Held {
-    Handle(HandleKind),
+    /// A handle, by this place as seen from it, UV units.
+    Handle(HandleKind, Vec2),
     /// The whole guide, by this place on it as seen from its centre, UV units.
     Body(Vec2),
+    /// A guide that is being drawn, along this path in UV, and pressed at this place of the screen.
+    New(Vec<Vec2>, Pos2),
+}
+
+/// A drag that goes on.
+#[derive(Debug)]
+struct Grip {
+    held: Held,
+    /// Whole turns of UV that are taken off, so that a drag on a copy of the map is one on the map.
+    turns: Vec2,
+    /// Where the pointer is, once it has moved.
+    now: Option<Pos2>,
+    /// Whether it changed anything.
+    changed: bool,
 }
 
 /// The hand on the guides of the selected layer.
 #[derive(Default)]
 pub(crate) struct GuideHand {
     pub(crate) selected: Option<usize>,
-    held: Option<Held>,
+    /// The layer that the selected one is in.
+    of_layer: usize,
+    /// What a drag draws, as a place in [`Shape::NAMES`], and how it leads.
+    pub(crate) shape: usize,
+    pub(crate) mode: Mode,
+    grip: Option<Grip>,
 }
 
 /// Places on the screen and in UV.
@@ -36,6 +63,10 @@ pub(crate) struct Sheet<'a> {
     pub(crate) to_uv: &'a dyn Fn(Pos2) -> Vec2,
     /// Points on the screen per surface unit.
     pub(crate) unit: f32,
+    /// Whether copies of the map are shown.
+    pub(crate) wrap: bool,
+    /// Whether a press at a place is meant for something else.
+    pub(crate) taken: &'a dyn Fn(Pos2) -> bool,
 }
 
 /// The guides of the selected layer, with its place.
@@ -47,9 +78,21 @@ fn selected_guides(desk: &Desk) -> Option<(usize, Guides)> {
     }
 }
 
-fn set(desk: &mut Desk, at: usize, guides: Guides) {
+/// Gives a layer other guides; `false` where that was refused.
+fn set(desk: &mut Desk, at: usize, guides: Guides) -> bool {
     let done = desk.studio.set_source(at, "Guides", Source::Guides(guides));
-    desk.told(done);
+    desk.told(done).is_some()
+}
+
+/// The selected layer of guides, or the uppermost one, which is selected then.
+pub(crate) fn find_layer(desk: &mut Desk) {
+    if selected_guides(desk).is_none() {
+        let layers = &desk.studio.recipe().layers;
+        let found = layers.iter().rposition(|l| l.source.name() == "guides");
+        if let Some(at) = found {
+            desk.studio.select(at);
+        }
+    }
 }
 
 impl GuideHand {
@@ -62,85 +105,262 @@ impl GuideHand {
         desk: &mut Desk,
         sheet: &Sheet<'_>,
     ) {
-        let Some((at, mut guides)) = selected_guides(desk) else {
+        if self.of_layer != desk.studio.selected() && self.grip.is_none() {
             self.selected = None;
-            return;
-        };
-        self.selected = self.selected.filter(|i| *i < guides.guide.len());
-        let aspect = extent(desk).x;
-        self.press(ui, response, &guides, aspect, sheet);
-        if let Some(changed) = self.drag(ui, &guides, aspect, sheet) {
-            guides = changed;
-            set(desk, at, guides.clone());
+            self.of_layer = desk.studio.selected();
         }
-        if self.held.is_some() && !ui.input(|i| i.pointer.primary_down()) {
-            self.held = None;
-            desk.studio.seal();
+        let keys = ui.input(|i| i.modifiers);
+        for pen in pen(ui, response) {
+            match pen {
+                Pen::Down(at) if !keys.alt && !(sheet.taken)(at) => self.press(desk, at, sheet),
+                Pen::Down(_) => {}
+                Pen::Move(at) => self.go_on(at, sheet),
+                Pen::Up => {
+                    self.follow(ui, desk, sheet);
+                    self.lift(desk, sheet);
+                }
+            }
         }
-        self.paint(ui, painter, &guides, aspect, sheet);
+        if self.grip.is_some() && !ui.input(|i| i.pointer.primary_down()) {
+            self.lift(desk, sheet); // lifted where nobody saw it
+        }
+        self.follow(ui, desk, sheet);
+        if let Some((_, guides)) = selected_guides(desk) {
+            self.selected = self.selected.filter(|i| *i < guides.guide.len());
+            let aspect = extent(desk).x;
+            let hot = self.hot(ui, response, &guides, aspect, sheet);
+            self.paint(ui, painter, &guides, aspect, sheet, hot);
+        } else if response.hovered() {
+            ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
+        }
     }
 
-    fn press(
-        &mut self,
+    /// Whether something is being dragged.
+    pub(crate) fn is_held(&self) -> bool {
+        self.grip.is_some()
+    }
+
+    fn press(&mut self, desk: &mut Desk, pointer: Pos2, sheet: &Sheet<'_>) {
+        let uv = (sheet.to_uv)(pointer);
+        let copy = if sheet.wrap { uv.floor() } else { Vec2::ZERO };
+        let aspect = extent(desk).x;
+        let guides = selected_guides(desk).map(|(_, guides)| guides);
+        let met = guides.and_then(|guides| {
+            // A guide may reach beyond the map: there its own place comes before that of a copy.
+            [Vec2::ZERO, copy].into_iter().find_map(|turns| {
+                let (selected, held) = self.meets(&guides, aspect, pointer, turns, sheet)?;
+                Some((selected, held, turns))
+            })
+        });
+        let (held, turns) = match met {
+            Some((selected, held, turns)) => {
+                self.selected = Some(selected);
+                (held, turns)
+            }
+            None => (Held::New(vec![uv - copy], pointer), copy),
+        };
+        desk.studio.seal();
+        self.grip = Some(Grip {
+            held,
+            turns,
+            now: None,
+            changed: false,
+        });
+    }
+
+    /// The handle of the selected guide, or the outline of any, that lies at a place of the screen.
+    fn meets(
+        &self,
+        guides: &Guides,
+        aspect: f32,
+        pointer: Pos2,
+        turns: Vec2,
+        sheet: &Sheet<'_>,
+    ) -> Option<(usize, Held)> {
+        let uv = (sheet.to_uv)(pointer) - turns;
+        if let Some((i, guide)) = self.selected.and_then(|i| Some((i, guides.guide.get(i)?))) {
+            // Those that lie over others come last.
+            let handles = guide.handles(aspect);
+            let away = |at: Vec2| (sheet.to_screen)(at + turns).distance(pointer);
+            let near = handles.iter().rev().find(|h| away(h.at) < NEAR_HANDLE);
+            if let Some(handle) = near {
+                return Some((i, Held::Handle(handle.kind, uv - handle.at)));
+            }
+        }
+        let near = |g: &Guide| g.distance(uv, aspect) * sheet.unit < NEAR_OUTLINE;
+        let i = guides.guide.iter().rposition(near)?;
+        let by = uv - Vec2::from(guides.guide[i].center());
+        Some((i, Held::Body(by)))
+    }
+
+    fn go_on(&mut self, pointer: Pos2, sheet: &Sheet<'_>) {
+        let Some(grip) = &mut self.grip else { return };
+        grip.now = Some(pointer);
+        if let Held::New(path, _) = &mut grip.held {
+            path.push((sheet.to_uv)(pointer) - grip.turns);
+        }
+    }
+
+    /// Makes the document say what the drag says by now.
+    fn follow(&mut self, ui: &Ui, desk: &mut Desk, sheet: &Sheet<'_>) {
+        let Some(grip) = &self.grip else { return };
+        let Some(now) = grip.now else { return };
+        let keys = ui.input(|i| i.modifiers);
+        let modifiers = Modifiers {
+            snap: keys.command,
+            proportional: keys.shift,
+            centered: keys.alt,
+        };
+        let aspect = extent(desk).x;
+        let to = (sheet.to_uv)(now) - grip.turns;
+        let done = match &grip.held {
+            Held::New(_, from) if !grip.changed && from.distance(now) < DRAWS => return,
+            Held::New(path, _) => {
+                let name = Shape::NAMES[self.shape];
+                let drawn = Guide::drawn(name, path, modifiers, TREMBLE / sheet.unit, aspect);
+                let Some(mut guide) = drawn else { return };
+                guide.mode = self.mode;
+                self.lay(desk, guide)
+            }
+            Held::Handle(kind, by) => {
+                let (kind, to) = (*kind, to - *by);
+                self.change(desk, |g| g.drag(kind, to, modifiers, aspect))
+            }
+            Held::Body(by) => {
+                let to = to - *by;
+                self.change(desk, |g| g.drag(HandleKind::Center, to, modifiers, aspect))
+            }
+        };
+        match (done, &mut self.grip) {
+            (true, Some(grip)) => grip.changed = true,
+            _ => self.grip = None, // it was told why
+        }
+    }
+
+    fn change(&self, desk: &mut Desk, change: impl FnOnce(&Guide) -> Guide) -> bool {
+        let Some((at, mut guides)) = selected_guides(desk) else {
+            return false;
+        };
+        let Some(guide) = self.selected.and_then(|i| guides.guide.get_mut(i)) else {
+            return false;
+        };
+        *guide = change(guide);
+        set(desk, at, guides)
+    }
+
+    /// Puts the guide that is being drawn over those of the layer, in the place of what it was a moment ago; on a layer of its
+    /// own where the selected one has none.
+    fn lay(&mut self, desk: &mut Desk, guide: Guide) -> bool {
+        let before = self.grip.as_ref().is_some_and(|g| g.changed);
+        match selected_guides(desk) {
+            Some(_) if before => self.change(desk, |_| guide),
+            Some((at, mut guides)) => {
+                guides.guide.push(guide);
+                self.selected = Some(guides.guide.len() - 1);
+                set(desk, at, guides)
+            }
+            None => {
+                let mut layer = layer(desk);
+                if let Source::Guides(guides) = &mut layer.source {
+                    guides.guide.push(guide);
+                }
+                self.selected = Some(0);
+                let added = desk.studio.add_growing_layer(layer, "Guides");
+                self.of_layer = desk.studio.selected();
+                desk.told(added).is_some()
+            }
+        }
+    }
+
+    fn lift(&mut self, desk: &mut Desk, sheet: &Sheet<'_>) {
+        let Some(grip) = self.grip.take() else { return };
+        desk.studio.seal();
+        if let Held::New(path, _) = grip.held
+            && !grip.changed
+        {
+            // A click: what lies under it is meant.
+            let aspect = extent(desk).x;
+            let guides = selected_guides(desk).map(|(_, guides)| guides);
+            self.selected = guides.and_then(|guides| {
+                let within = |uv: Vec2| guides.guide.iter().rposition(|g| g.contains(uv, aspect));
+                within(path[0])
+                    .or_else(|| (sheet.wrap).then(|| within(path[0] + grip.turns)).flatten())
+            });
+        }
+    }
+
+    /// Takes back what the drag did so far; `true` when there was one.
+    pub(crate) fn cancel(&mut self, desk: &mut Desk) -> bool {
+        let Some(grip) = self.grip.take() else {
+            return false;
+        };
+        if grip.changed {
+            let done = desk.studio.take_back();
+            desk.told(done);
+            if matches!(grip.held, Held::New(..)) {
+                self.selected = None;
+            }
+        }
+        true
+    }
+
+    /// What the held keys do to the drag that goes on, or would do to one.
+    pub(crate) fn hint(&self, keys: egui::Modifiers) -> Option<&'static str> {
+        let name = Shape::NAMES[self.shape];
+        let held = self.grip.as_ref().map(|g| &g.held);
+        match held {
+            Some(Held::Handle(HandleKind::Rotation, _)) if keys.command => {
+                Some("steps of 15\u{b0}")
+            }
+            Some(Held::Handle(HandleKind::Width | HandleKind::Height, _)) if keys.shift => {
+                Some("keeps the shape")
+            }
+            Some(Held::Handle(..) | Held::Body(_)) => None,
+            None if keys.alt => None,
+            _ => match name {
+                "line" if keys.shift || keys.command => Some("steps of 15\u{b0}"),
+                "ellipse" if keys.shift => Some("a circle"),
+                "rectangle" if keys.shift => Some("a square"),
+                "line" | "ellipse" | "rectangle" if keys.alt => Some("from its middle"),
+                _ => None,
+            },
+        }
+    }
+
+    /// The guide whose outline lies under the pointer; the pointer says what a drag would do.
+    fn hot(
+        &self,
         ui: &Ui,
         response: &egui::Response,
         guides: &Guides,
         aspect: f32,
         sheet: &Sheet<'_>,
+    ) -> Option<usize> {
+        let pointer = response.hover_pos().filter(|_| self.grip.is_none())?;
+        let met = self.meets(guides, aspect, pointer, Vec2::ZERO, sheet);
+        ui.ctx().set_cursor_icon(match met {
+            Some(_) => CursorIcon::Move,
+            None => CursorIcon::Crosshair,
+        });
+        met.map(|(i, _)| i)
+    }
+
+    fn paint(
+        &self,
+        ui: &Ui,
+        painter: &Painter,
+        guides: &Guides,
+        aspect: f32,
+        sheet: &Sheet<'_>,
+        hot: Option<usize>,
     ) {
-        let pressed = response.contains_pointer()
-            && ui.input(|i| i.pointer.primary_pressed() && !i.modifiers.alt);
-        let Some(pointer) = ui.input(|i| i.pointer.interact_pos()).filter(|_| pressed) else {
-            return;
-        };
-        if let Some(i) = self.selected {
-            // Those that lie over others come last.
-            let mut handles = guides.guide[i].handles(aspect);
-            handles.reverse();
-            if let Some(handle) = handles
-                .iter()
-                .find(|h| (sheet.to_screen)(h.at).distance(pointer) < NEAR_HANDLE)
-            {
-                self.held = Some(Held::Handle(handle.kind));
-                return;
-            }
-        }
-        let uv = (sheet.to_uv)(pointer);
-        let near = |g: &Guide| g.distance(uv, aspect) * sheet.unit < NEAR_OUTLINE;
-        let found = guides.guide.iter().rposition(near);
-        self.selected = found.or_else(|| guides.guide.iter().rposition(|g| g.contains(uv, aspect)));
-        self.held = self
-            .selected
-            .map(|i| Held::Body(uv - Vec2::from(guides.guide[i].center())));
-    }
-
-    fn drag(&self, ui: &Ui, guides: &Guides, aspect: f32, sheet: &Sheet<'_>) -> Option<Guides> {
-        let (held, i) = (self.held?, self.selected?);
-        let (pointer, moved, keys) =
-            ui.input(|i| (i.pointer.interact_pos(), i.pointer.is_moving(), i.modifiers));
-        let uv = (sheet.to_uv)(pointer.filter(|_| moved)?);
-        let modifiers = Modifiers {
-            snap: keys.command,
-            proportional: keys.shift,
-        };
-        let guide = &guides.guide[i];
-        let dragged = match held {
-            Held::Handle(kind) => guide.drag(kind, uv, modifiers, aspect),
-            Held::Body(by) => guide.drag(HandleKind::Center, uv - by, modifiers, aspect),
-        };
-        (dragged != *guide).then(|| {
-            let mut guides = guides.clone();
-            guides.guide[i] = dragged;
-            guides
-        })
-    }
-
-    fn paint(&self, ui: &Ui, painter: &Painter, guides: &Guides, aspect: f32, sheet: &Sheet<'_>) {
         let accent = Palette::of(ui).accent;
         for (i, guide) in guides.guide.iter().enumerate() {
             let selected = self.selected == Some(i);
             let colour = if selected {
                 accent
+            } else if hot == Some(i) {
+                Color32::WHITE
             } else {
                 Color32::from_rgb(0x8a, 0xc6, 0xe8)
             };
@@ -171,8 +391,12 @@ impl GuideHand {
             if handle.kind == HandleKind::Rotation {
                 painter.line_segment([centre, at], Stroke::new(1.0, accent.gamma_multiply(0.6)));
             }
-            let hot = self.held == Some(Held::Handle(handle.kind))
-                || pointer.is_some_and(|p| p.distance(at) < NEAR_HANDLE);
+            let held = self.grip.as_ref().map(|g| &g.held);
+            let hot = match held {
+                Some(Held::Handle(kind, _)) => *kind == handle.kind,
+                Some(_) => false,
+                None => pointer.is_some_and(|p| p.distance(at) < NEAR_HANDLE),
+            };
             let fill = if hot {
                 accent
             } else {
@@ -191,7 +415,7 @@ impl GuideHand {
                     painter.rect(square, 1.0, fill, stroke, egui::StrokeKind::Middle);
                 }
             }
-            if hot && self.held.is_none() {
+            if hot && held.is_none() {
                 super::widgets::overlay_text(
                     painter,
                     at + egui::vec2(10.0, 0.0),
@@ -231,11 +455,138 @@ fn handle_name(kind: HandleKind) -> &'static str {
     }
 }
 
-/// An empty layer of guides.
-pub(crate) fn layer() -> Layer {
+/// An empty layer of guides. It lays widths of its own where those below are round: no direction would show there.
+pub(crate) fn layer(desk: &Desk) -> Layer {
+    let mut guides = Guides::default();
+    if is_round(desk.studio.map()) {
+        lay_widths(&mut guides, true);
+    }
     Layer {
         name: "guides".to_owned(),
-        ..Layer::new(Source::Guides(Guides::default()))
+        ..Layer::new(Source::Guides(guides))
+    }
+}
+
+/// Whether most of a map shows no direction, whatever that is.
+fn is_round(map: &AnisoMap) -> bool {
+    let step = (map.alpha_x().len() / 2048).max(1);
+    let pairs = map.alpha_x().iter().zip(map.alpha_y()).step_by(step);
+    let (mut round, mut all) = (0, 0);
+    for (x, y) in pairs {
+        all += 1;
+        round += usize::from(x.max(*y) < ROUND * x.min(*y));
+    }
+    2 * round > all
+}
+
+fn lay_widths(guides: &mut Guides, on: bool) {
+    let (along, across) = guides.widths();
+    guides.alpha_along = on.then_some(along);
+    guides.alpha_across = on.then_some(across);
+}
+
+/// Why the guides of the selected layer cannot be seen, where they cannot.
+fn unseen(desk: &Desk) -> Option<&'static str> {
+    let at = desk.studio.selected();
+    let layer = desk.studio.recipe().layers.get(at)?;
+    let Source::Guides(guides) = &layer.source else {
+        return None;
+    };
+    if !layer.visible || layer.opacity == 0.0 {
+        return Some("This layer is hidden: show it to see what its guides do.");
+    }
+    if desk.studio.solo().is_some_and(|solo| solo != at) {
+        return Some("Another layer is shown alone: what these guides do is not seen.");
+    }
+    let channels = layer.channels;
+    let widths = channels.alpha_x || channels.alpha_y;
+    if !channels.direction && !widths {
+        return Some("This layer does not touch the direction: its guides do nothing.");
+    }
+    if !guides.guide.is_empty() && !widths && is_round(desk.studio.map()) {
+        return Some(NEEDS_WIDTHS);
+    }
+    None
+}
+
+const NEEDS_WIDTHS: &str = "Both widths are alike here: a direction does not show.";
+
+/// The bar of the tool: what a drag draws, how it leads, and what to know.
+pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk, hand: &mut GuideHand) {
+    let words = Shape::NAMES.map(sentence);
+    let words = words.each_ref().map(String::as_str);
+    let row = egui::vec2(310.0, super::theme::ROW);
+    ui.allocate_ui(row, |ui| {
+        if let Some(i) = choices(ui, "Draw", &words, hand.shape) {
+            hand.shape = i;
+        }
+    })
+    .response
+    .on_hover_text("What a drag on the map draws.");
+    let before = selected_guides(desk)
+        .and_then(|(_, guides)| Some(guides.guide.get(hand.selected?)?.mode))
+        .unwrap_or(hand.mode);
+    let mut mode = before;
+    let word = |mode: Mode| MODES.iter().find(|(m, _)| *m == mode).map_or("", |m| m.1);
+    egui::ComboBox::from_id_salt("guide mode")
+        .width(96.0)
+        .selected_text(word(mode))
+        .show_ui(ui, |ui| {
+            for (one, word) in MODES {
+                ui.selectable_value(&mut mode, one, word);
+            }
+        })
+        .response
+        .accessible_name("How a guide leads")
+        .on_hover_text("Which way the selected guide, and the next one, leads the direction.");
+    if mode != before {
+        hand.mode = mode;
+        let changed = hand.selected.is_some() && hand.change(desk, |g| with_mode(g, mode));
+        if changed {
+            desk.studio.seal();
+        }
+    }
+    let palette = Palette::of(ui);
+    match unseen(desk) {
+        Some(why) => {
+            if why == NEEDS_WIDTHS
+                && super::dialogs::main_button(ui, "Lay widths")
+                    .on_hover_text("Lets the layer set alpha_x and alpha_y too.")
+                    .clicked()
+            {
+                give_widths(desk);
+            }
+            let text = egui::RichText::new(why).color(palette.warning);
+            ui.add(egui::Label::new(text).truncate());
+        }
+        None => {
+            let text = "Drag on the map to draw one. A click selects, handles and outlines drag; Shift: even, Alt: from the middle; Delete takes it away.";
+            let text = egui::RichText::new(text).color(palette.weak);
+            ui.add(egui::Label::new(text).truncate());
+        }
+    }
+}
+
+/// Lets the selected layer of guides lay widths, whatever it touched before.
+fn give_widths(desk: &mut Desk) {
+    let Some((at, mut guides)) = selected_guides(desk) else {
+        return;
+    };
+    lay_widths(&mut guides, true);
+    set(desk, at, guides);
+    desk.edit_head(at, "Channels", None, |h| h.channels = Channels::ALL);
+    desk.studio.seal();
+}
+
+fn with_mode(guide: &Guide, mode: Mode) -> Guide {
+    Guide {
+        mode,
+        angle: if mode == Mode::Smooth {
+            0.0
+        } else {
+            guide.angle
+        },
+        ..guide.clone()
     }
 }
 
@@ -243,11 +594,11 @@ pub(crate) fn layer() -> Layer {
 fn first_shape(name: &str) -> Shape {
     match name {
         "line" => Shape::Line {
-            points: vec![[0.3, 0.4], [0.7, 0.6]],
+            points: vec![[-0.2, -0.1], [0.2, 0.1]],
             closed: false,
         },
         "curve" => Shape::Curve {
-            points: vec![[0.25, 0.4], [0.4, 0.75], [0.6, 0.25], [0.75, 0.6]],
+            points: vec![[-0.25, -0.1], [-0.1, 0.25], [0.1, -0.25], [0.25, 0.1]],
             closed: false,
         },
         "rectangle" => Shape::Rectangle {
@@ -282,25 +633,28 @@ pub(crate) fn panel(
     caption(ui, "Add a guide");
     ui.horizontal_wrapped(|ui| {
         for name in Shape::NAMES {
-            let word = format!("{}{}", name[..1].to_uppercase(), &name[1..]);
             if ui
-                .button(word)
+                .button(sentence(name))
                 .on_hover_text(format!(
                     "Puts a guide of the shape `{name}` into the middle of the map."
                 ))
                 .clicked()
             {
-                now.guide.push(Guide::new(first_shape(name)));
+                now.guide.push(Guide {
+                    center: Some([0.5; 2]),
+                    mode: hand.mode,
+                    ..Guide::new(first_shape(name))
+                });
                 hand.selected = Some(now.guide.len() - 1);
                 finished = true;
             }
         }
     });
+    finished |= layer_rows(ui, &mut now, unseen(desk));
     finished |= list(ui, hand, &mut now);
     if let Some(guide) = hand.selected.and_then(|i| now.guide.get_mut(i)) {
         finished |= guide_rows(ui, guide);
     }
-    finished |= layer_rows(ui, &mut now);
     if now != *guides {
         set(desk, at, now);
     }
@@ -366,10 +720,7 @@ fn guide_rows(ui: &mut Ui, guide: &mut Guide) -> bool {
         .position(|(m, _)| *m == guide.mode)
         .unwrap_or(0);
     if let Some(i) = choices(ui, "Mode", &MODES.map(|(_, word)| word), at) {
-        guide.mode = MODES[i].0;
-        if guide.mode == Mode::Smooth {
-            guide.angle = 0.0;
-        }
+        *guide = with_mode(guide, MODES[i].0);
         finished = true;
     }
     if guide.mode != Mode::Smooth {
@@ -491,9 +842,13 @@ fn closed_row(ui: &mut Ui, closed: &mut bool, possible: bool) -> bool {
         .changed()
 }
 
-fn layer_rows(ui: &mut Ui, guides: &mut Guides) -> bool {
+fn layer_rows(ui: &mut Ui, guides: &mut Guides, unseen: Option<&str>) -> bool {
     let mut finished = false;
     caption(ui, "Whole layer");
+    if let Some(why) = unseen {
+        let text = egui::RichText::new(why).color(Palette::of(ui).warning);
+        ui.add(egui::Label::new(text).wrap());
+    }
     let mut widths = guides.has_widths();
     if ui
         .checkbox(&mut widths, "Lays widths")
@@ -502,9 +857,7 @@ fn layer_rows(ui: &mut Ui, guides: &mut Guides) -> bool {
         )
         .changed()
     {
-        let (along, across) = guides.widths();
-        guides.alpha_along = widths.then_some(along);
-        guides.alpha_across = widths.then_some(across);
+        lay_widths(guides, widths);
         finished = true;
     }
     if let (Some(along), Some(across)) = (&mut guides.alpha_along, &mut guides.alpha_across) {

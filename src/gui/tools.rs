@@ -57,16 +57,17 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
     let (rect, _) = ui.allocate_exact_size(vec2(22.0, 22.0), egui::Sense::hover());
     icon(kind).paint(ui.painter(), rect, Palette::of(ui).accent);
     left_label(ui, 84.0, egui::RichText::new(kind.name()).strong());
+    if kind == ToolKind::Guide {
+        let mut guides = std::mem::take(&mut desk.guides);
+        super::guides::bar(ui, desk, &mut guides);
+        desk.guides = guides;
+        return;
+    }
     if !kind.paints() {
-        let text = match kind {
-            ToolKind::Pick => {
-                "Click the canvas: every tool takes the widths and the direction that are there."
-            }
-            _ => {
-                "Click a guide to select it, drag its handles; add guides in the panel on the right."
-            }
-        };
-        ui.label(egui::RichText::new(text).color(Palette::of(ui).weak));
+        let text =
+            "Click the canvas: every tool takes the widths and the direction that are there.";
+        let text = egui::RichText::new(text).color(Palette::of(ui).weak);
+        ui.add(egui::Label::new(text).truncate());
         return;
     }
     if kind != ToolKind::Fill {

@@ -45,11 +45,13 @@ pub struct Handle {
 pub struct Modifiers {
     /// Turns by whole steps of 15 degrees.
     pub snap: bool,
-    /// Width and height keep their ratio.
+    /// Width and height keep their ratio; of a new shape they are equal.
     pub proportional: bool,
+    /// A new shape grows from its middle, and not from corner to corner.
+    pub centered: bool,
 }
 
-const SNAP_DEGREES: f32 = 15.0;
+pub(super) const SNAP_DEGREES: f32 = 15.0;
 /// Pieces that a rim or a turn is drawn with, and the most turns of a spiral that are drawn.
 const RIM: u32 = 72;
 const TURNS_MAX: f32 = 64.0;
@@ -403,6 +405,7 @@ mod tests {
         let keys = Modifiers {
             snap: true,
             proportional: true,
+            ..Modifiers::default()
         };
         let up = guide.drag(HandleKind::Rotation, Vec2::new(0.41, 0.9), keys, 1.0);
         assert_eq!(up.rotation, 0.0);

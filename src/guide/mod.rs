@@ -11,6 +11,7 @@
 //!
 //! What a place is to a guide is told in `hold.rs`, and so is why a field changes smoothly with its guides.
 
+mod draw;
 mod field;
 mod handles;
 mod hold;

@@ -22,6 +22,11 @@ pub fn free_name(recipe: &Recipe, base: &str) -> String {
         .expect("there are fewer layers than numbers")
 }
 
+/// What changes of a layer's source have in common that are one step.
+fn source_key(label: &str, at: usize) -> String {
+    format!("{label} {at}")
+}
+
 impl Studio {
     /// Puts a layer above the selected one and selects it.
     ///
@@ -33,6 +38,22 @@ impl Studio {
         let label = format!("Add {}", layer.name());
         let layer = Box::new(layer);
         self.edit(&label, vec![Edit::InsertLayer { at, layer }], None)?;
+        self.select(at);
+        Ok(())
+    }
+
+    /// The same as the first of changes of the layer's source under `label`: all of them are one step until [`Studio::seal`].
+    /// See [`Studio::set_source`].
+    ///
+    /// # Errors
+    /// As [`Studio::add_layer`].
+    pub fn add_growing_layer(&mut self, mut layer: Layer, label: &str) -> Result<()> {
+        layer.name = free_name(self.recipe(), layer.name());
+        let at = (self.selected() + 1).min(self.recipe().layers.len());
+        let text = format!("Add {}", layer.name());
+        let layer = Box::new(layer);
+        let edits = vec![Edit::InsertLayer { at, layer }];
+        self.edit(&text, edits, Some(&source_key(label, at)))?;
         self.select(at);
         Ok(())
     }
@@ -133,11 +154,18 @@ impl Studio {
         }
         let (text, key) = (
             format!("{label} of {}", layer.name()),
-            format!("{label} {at}"),
+            source_key(label, at),
         );
+        // Where a layer touches what its source does by itself, it goes on to do so.
+        let channels = if layer.channels == layer.source.channels() {
+            source.channels()
+        } else {
+            layer.channels
+        };
         let layer = Box::new(Layer {
             // A layer without a name of its own is named after its source.
             name: layer.name().to_owned(),
+            channels,
             source,
             ..layer.clone()
         });

@@ -135,6 +135,14 @@ struct Shown {
     mesh: Option<String>,
 }
 
+/// The layer that edits put in: it is the one to go on with.
+fn inserted(edits: &[Edit]) -> Option<usize> {
+    edits.iter().rev().find_map(|edit| match edit {
+        Edit::InsertLayer { at, .. } => Some(*at),
+        _ => None,
+    })
+}
+
 /// Work in the background.
 struct Job {
     stop: Arc<AtomicBool>,
@@ -400,6 +408,18 @@ impl Studio {
         Ok(true)
     }
 
+    /// Takes the last step back for good: what a drag did that is called off. `false` when there is none.
+    ///
+    /// # Errors
+    /// When the document is read-only.
+    pub fn take_back(&mut self) -> Result<bool> {
+        let was = self.undo()?;
+        if was {
+            self.history.take_redo();
+        }
+        Ok(was)
+    }
+
     /// Does the last step again that was taken back; `false` when there is none.
     ///
     /// # Errors
@@ -409,9 +429,13 @@ impl Studio {
         let Some(step) = self.history.take_redo() else {
             return Ok(false);
         };
+        let came = inserted(&step.edits);
         let (back, touched) = self.apply_all(step.edits)?;
         self.history.push_undo(Step::new(step.label, back, None));
         self.follow(touched);
+        if let Some(at) = came {
+            self.select(at);
+        }
         Ok(true)
     }
 

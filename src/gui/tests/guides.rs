@@ -1,0 +1,151 @@
+//! The guide tool: drawn, constrained, called off, deleted, taken back.
+
+use super::*;
+use anisomap::guide::{Guides, Shape};
+
+const ROUND: &str = "version = 1
+name = \"round\"
+size = 64
+[[layers]]
+name = \"ground\"
+[layers.constant]
+alpha_x = 0.2
+alpha_y = 0.2
+";
+
+fn open(text: &str) -> (Window, TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let app = app(folder.path(), text);
+    let mut window = window_of(app, vec2(1200.0, 760.0));
+    press(&mut window, "U");
+    (window, folder)
+}
+
+fn guides(window: &Window) -> Option<Guides> {
+    let studio = &window.state().desk.studio;
+    match &studio.recipe().layers.get(studio.selected())?.source {
+        Source::Guides(guides) => Some(guides.clone()),
+        _ => None,
+    }
+}
+
+#[test]
+fn a_drag_draws_a_guide_on_a_layer_of_its_own_and_it_is_seen_at_once() {
+    for (i, name) in Shape::NAMES.into_iter().enumerate() {
+        let (mut window, _folder) = open(ROUND);
+        let before = map(&window);
+        window.state_mut().desk.guides.shape = i;
+        stroke(&mut window, (0.35, 0.5), (0.6, 0.65));
+        settle(&mut window);
+        let drawn = guides(&window).expect("a layer of guides");
+        assert_eq!(drawn.guide[0].shape.name(), name);
+        assert!(drawn.has_widths(), "on a round ground");
+        assert!(map(&window) != before, "{name}");
+        assert_eq!(window.state().desk.guides.selected, Some(0));
+        press(&mut window, "Ctrl+Z");
+        settle(&mut window);
+        assert!(guides(&window).is_none(), "one step: layer and guide");
+        assert!(map(&window) == before);
+        press(&mut window, "Ctrl+Y");
+        settle(&mut window);
+        assert_eq!(guides(&window).unwrap().guide.len(), 1);
+    }
+}
+
+#[test]
+fn on_grooved_ground_a_guide_turns_the_direction_alone() {
+    let (mut window, _folder) = open(SMALL);
+    stroke(&mut window, (0.35, 0.5), (0.6, 0.65));
+    assert!(!guides(&window).unwrap().has_widths());
+}
+
+#[test]
+fn keys_constrain_and_escape_calls_off() {
+    let (mut window, _folder) = open(ROUND);
+    button_of_choice(&window, "Draw Ellipse");
+    window.run_steps(2);
+    hold(&mut window, Modifiers::SHIFT);
+    stroke(&mut window, (0.35, 0.4), (0.6, 0.5));
+    hold(&mut window, Modifiers::NONE);
+    let Shape::Ellipse { radii } = guides(&window).unwrap().guide[0].shape else {
+        panic!()
+    };
+    assert_eq!(radii[0], radii[1], "Shift: a circle");
+    let rect = window.get_by_label("Paint canvas").rect();
+    let recipe = window.state().desk.studio.recipe().clone();
+    let history = window.state().desk.studio.history().len();
+    window.drag_at(rect.lerp_inside(vec2(0.4, 0.7)));
+    window.step();
+    window.hover_at(rect.lerp_inside(vec2(0.6, 0.8)));
+    window.step();
+    assert_eq!(guides(&window).unwrap().guide.len(), 2, "as it is dragged");
+    press(&mut window, "Escape");
+    window.hover_at(rect.lerp_inside(vec2(0.65, 0.85)));
+    window.step();
+    window.drop_at(rect.lerp_inside(vec2(0.65, 0.85)));
+    window.step();
+    assert!(*window.state().desk.studio.recipe() == recipe);
+    assert_eq!(window.state().desk.studio.history().len(), history);
+}
+
+fn button_of_choice(window: &Window, label: &str) {
+    window
+        .get_by_role_and_label(Role::RadioButton, label)
+        .click();
+}
+
+#[test]
+fn a_click_selects_handles_drag_and_delete_takes_the_guide() {
+    let (mut window, _folder) = open(ROUND);
+    window.state_mut().desk.guides.shape = 3;
+    stroke(&mut window, (0.3, 0.35), (0.7, 0.65));
+    let before = guides(&window).unwrap();
+    let rect = window.get_by_label("Paint canvas").rect();
+    press(&mut window, "Escape");
+    assert_eq!(window.state().desk.guides.selected, None);
+    // Not its middle, where the handle is that moves it.
+    let inside = rect.lerp_inside(vec2(0.42, 0.46));
+    window.drag_at(inside);
+    window.step();
+    window.drop_at(inside);
+    window.run_steps(2);
+    assert_eq!(window.state().desk.guides.selected, Some(0));
+    assert_eq!(guides(&window).unwrap(), before, "a click changes nothing");
+    stroke(&mut window, (0.5, 0.5), (0.55, 0.45));
+    let moved = guides(&window).unwrap();
+    assert_eq!(moved.guide.len(), 1);
+    assert_ne!(moved.guide[0].center, before.guide[0].center);
+    assert_eq!(moved.guide[0].shape, before.guide[0].shape);
+    press(&mut window, "Delete");
+    window.run_steps(2);
+    assert!(guides(&window).unwrap().guide.is_empty());
+    press(&mut window, "Ctrl+Z");
+    window.run_steps(2);
+    assert_eq!(guides(&window).unwrap(), moved);
+}
+
+#[test]
+fn guides_that_cannot_be_seen_say_so_and_are_helped() {
+    let (mut window, _folder) = open(ROUND);
+    stroke(&mut window, (0.35, 0.4), (0.6, 0.5));
+    settle(&mut window);
+    let at = window.state().desk.studio.selected();
+    let mut bare = guides(&window).unwrap();
+    (bare.alpha_along, bare.alpha_across) = (None, None);
+    let studio = &mut window.state_mut().desk.studio;
+    studio
+        .set_source(at, "Guides", Source::Guides(bare))
+        .unwrap();
+    settle(&mut window);
+    window.run_steps(2);
+    let shown = texts(&window);
+    assert!(
+        shown
+            .iter()
+            .any(|t| t.contains("a direction does not show")),
+        "{shown:?}"
+    );
+    button(&window, "Lay widths");
+    window.run_steps(2);
+    assert!(guides(&window).unwrap().has_widths());
+}
