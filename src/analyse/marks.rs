@@ -196,6 +196,9 @@ fn each_run(jumps: &[f32], mut run: impl FnMut(u32, u32, f32)) {
     }
 }
 
+/// The cosine of the angle, 40 degrees, beyond which charts meet at a crease, which is no seam: parts of a thing meet there.
+const CREASE_COS: f32 = 0.766;
+
 /// An edge of a triangle: number of the triangle and of its corner where the edge starts.
 type HalfEdge = (u32, u8);
 
@@ -264,6 +267,9 @@ fn chart_seams(map: &AnisoMap, mesh: &Mesh, progress: &Progress<'_>) -> Result<V
 fn border_marks(map: &AnisoMap, mesh: &Mesh, [first, second]: [HalfEdge; 2]) -> Vec<Seam> {
     let a = Side::new(map.size(), mesh, first);
     let mut b = Side::new(map.size(), mesh, second);
+    if a.normal(mesh).dot(b.normal(mesh)) < CREASE_COS {
+        return Vec::new(); // the light breaks there whatever the grooves do
+    }
     // Both from the same end.
     if a.ends[0].0.distance_squared(b.ends[0].0) > a.ends[0].0.distance_squared(b.ends[1].0) {
         b.ends.reverse();
@@ -307,6 +313,12 @@ impl Side {
             ends,
             inward: 0.5 * sign * across / texels,
         }
+    }
+
+    /// The unit normal in its middle.
+    fn normal(&self, mesh: &Mesh) -> Vec3 {
+        let [v, w] = self.ends.map(|(_, _, vertex)| mesh.normals[vertex]);
+        (v + w).normalize_or_zero()
     }
 
     /// Its length in texels.

@@ -407,7 +407,9 @@ impl App {
 
     /// The line that explains the first scene, until it is closed.
     fn hint(&mut self, ui: &Ui) {
-        if self.desk.settings.hint_closed || self.desk.panes == Panes::Viewport {
+        // Over other views it would hide what they show.
+        let in_place = self.canvas.kind == Kind::Lit && self.desk.panes != Panes::Viewport;
+        if self.desk.settings.hint_closed || !in_place {
             return;
         }
         let keys = |a: Action| self.desk.keymap.keys_text(a);
@@ -418,9 +420,9 @@ impl App {
         let text = format!(
             "Drag over the map or the {thing} to brush it: the light follows the grooves. Turn the {thing} with {}, its light with Shift and the right button. {} lists all keys, {} has more surfaces.",
             if self.desk.settings.navigation == orbit::Preset::Alt {
-                "Alt"
+                "Alt and a drag (or the middle button: Edit > Settings)"
             } else {
-                "the middle button"
+                "the middle button (or Alt and a drag: Edit > Settings)"
             },
             keys(Action::Shortcuts),
             keys(Action::Presets),
@@ -452,8 +454,7 @@ impl App {
                         .on_hover_text("Closes the hint for good.")
                         .clicked()
                     {
-                        self.desk.settings.hint_closed = true;
-                        self.desk.save_settings();
+                        self.desk.close_hint();
                     }
                 });
             });
@@ -615,7 +616,7 @@ impl App {
             }
             Action::ViewLit => self.canvas.kind = Kind::Lit,
             Action::ToggleWrap => self.canvas.wrap = !self.canvas.wrap,
-            Action::CanvasFit => self.canvas.fit(&self.desk),
+            Action::CanvasFit => self.canvas.fit(),
             Action::ActualTexels => self.canvas.actual_texels(),
             Action::ZoomIn => self.canvas.zoom_by(1.25),
             Action::ZoomOut => self.canvas.zoom_by(0.8),
@@ -629,7 +630,7 @@ impl App {
         match action {
             Action::FrameAll => {
                 desk.studio.frame_all();
-                self.canvas.fit(desk);
+                self.canvas.fit();
             }
             Action::NextMesh => {
                 let at = MESHES

@@ -100,6 +100,8 @@ pub(crate) enum Adjusting {
 pub(crate) struct CanvasPane {
     pub(crate) kind: Kind,
     camera: Option<Camera2d>,
+    /// Nobody moved or zoomed it: the whole map is shown, whatever becomes of the room and of the map.
+    fits: bool,
     map: Size,
     averages: Option<Averages>,
     texture: Option<TextureHandle>,
@@ -126,6 +128,7 @@ impl Default for CanvasPane {
         Self {
             kind: Kind::Lit,
             camera: None,
+            fits: true,
             map: Size::new(1, 1).expect("1 is a size"),
             averages: None,
             texture: None,
@@ -158,7 +161,9 @@ impl CanvasPane {
         let Some(mut camera) = self.camera_for(ui, rect, desk) else {
             return;
         };
+        let before = camera;
         self.navigate(ui, &response, desk, &mut camera);
+        self.fits &= camera == before;
         self.camera = Some(camera);
         self.paint_with_pen(ui, &response, desk, camera);
         self.draw(ui, desk, camera);
@@ -242,17 +247,14 @@ impl CanvasPane {
         let map = desk.studio.map().size();
         let aspect = self.texel_aspect(desk);
         let mut camera = match self.camera {
-            Some(camera) if self.map == map => camera,
+            Some(camera) if !self.fits && self.map == map => camera,
             // The same part of another map of the same document.
-            Some(camera) => Camera2d {
+            Some(camera) if !self.fits && self.map.texels() > 1 => Camera2d {
                 zoom: camera.zoom * f64::from(self.map.height()) / f64::from(map.height()),
                 ..camera
             },
-            None => fitted(map, size, aspect),
+            _ => fitted(map, size, aspect),
         };
-        if self.map.texels() <= 1 {
-            camera = fitted(map, size, aspect);
-        }
         self.map = map;
         camera.size = size;
         camera.texel_aspect = aspect;
@@ -269,27 +271,23 @@ impl CanvasPane {
     /// Begins anew with another document.
     pub(crate) fn forget(&mut self) {
         self.camera = None;
+        self.fits = true;
         self.averages = None;
         self.drawn = None;
         self.drawing = None;
         self.last_end = None;
     }
 
-    /// Shows the whole map.
-    pub(crate) fn fit(&mut self, desk: &Desk) {
-        if let Some(camera) = self.camera {
-            self.camera = Some(fitted(
-                desk.studio.map().size(),
-                camera.size,
-                self.texel_aspect(desk),
-            ));
-        }
+    /// Shows the whole map, and goes on to until somebody moves it.
+    pub(crate) fn fit(&mut self) {
+        self.fits = true;
     }
 
     /// One texel on one pixel.
     pub(crate) fn actual_texels(&mut self) {
         if let Some(camera) = &mut self.camera {
             camera.zoom = 1.0;
+            self.fits = false;
         }
     }
 
@@ -302,6 +300,7 @@ impl CanvasPane {
                     f64::from(camera.size.height()),
                 );
             self.camera = Some(camera.zoomed(self.map, middle, factor));
+            self.fits = false;
         }
     }
 
@@ -913,19 +912,29 @@ impl CanvasPane {
         }
     }
 
+    /// Short lines along the grooves, so many points apart.
+    fn lines(&self, ui: &Ui, painter: &Painter, desk: &Desk, camera: Camera2d, apart: f64) {
+        if let Some(averages) = &self.averages {
+            let scale = ui.pixels_per_point();
+            let lines = needles(
+                desk.studio.map(),
+                averages,
+                &camera,
+                apart * f64::from(scale),
+            );
+            needle_shapes(painter, self.rect, scale, &lines);
+        }
+    }
+
     /// What is drawn over the lit map: lines along the grooves, the layer's coverage, what is wrong.
     fn draw_overlay(&mut self, ui: &Ui, painter: &Painter, desk: &mut Desk, camera: Camera2d) {
         let map_changed = desk.news.new_map || !desk.news.map.is_empty();
         match self.kind {
             Kind::Strokes => {
-                if let Some(averages) = &self.averages {
-                    needle_shapes(
-                        painter,
-                        self.rect,
-                        ui.pixels_per_point(),
-                        &needles(desk.studio.map(), averages, &camera, 22.0),
-                    );
-                }
+                // The light steps back behind the lines.
+                let veil = Color32::from_black_alpha(130);
+                painter.rect_filled(self.rect, CornerRadius::ZERO, veil);
+                self.lines(ui, painter, desk, camera, 22.0);
             }
             Kind::Coverage => {
                 self.overlay
@@ -935,6 +944,11 @@ impl CanvasPane {
                 let busy = self.drawing.is_some();
                 self.overlay
                     .show_lint(ui, painter, self.rect, desk, camera, map_changed, busy);
+            }
+            Kind::Lit if desk.hand.kind() == ToolKind::Guide => {
+                // Where they lead does not show in a light from one side.
+                self.overlay.rest(map_changed);
+                self.lines(ui, painter, desk, camera, 30.0);
             }
             _ => self.overlay.rest(map_changed),
         }

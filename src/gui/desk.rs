@@ -234,11 +234,23 @@ impl Desk {
     /// Ends the stroke in flight; tells why where nothing was painted.
     pub(crate) fn end_stroke(&mut self) {
         let ended = self.studio.end_stroke();
-        if self.told(ended) == Some(false) && self.hand.brush().tool.follows_stroke() {
+        let painted = self.told(ended);
+        if painted == Some(true) {
+            self.close_hint();
+        }
+        if painted == Some(false) && self.hand.brush().tool.follows_stroke() {
             let name = self.hand.kind().name();
             self.messages.news(format!(
                 "{name} follows the stroke: drag to give it a direction"
             ));
+        }
+    }
+
+    /// Whoever has painted needs no hint that one can.
+    pub(crate) fn close_hint(&mut self) {
+        if !self.settings.hint_closed {
+            self.settings.hint_closed = true;
+            self.save_settings();
         }
     }
 

@@ -252,6 +252,7 @@ impl GuideHand {
     /// own where the selected one has none.
     fn lay(&mut self, desk: &mut Desk, guide: Guide) -> bool {
         let before = self.grip.as_ref().is_some_and(|g| g.changed);
+        desk.close_hint();
         match selected_guides(desk) {
             Some(_) if before => self.change(desk, |_| guide),
             Some((at, mut guides)) => {

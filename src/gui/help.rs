@@ -8,7 +8,7 @@ use anisomap::studio::orbit::Preset;
 use eframe::egui::{self, RichText, Ui};
 
 /// What is done with the pointer: (where, how, what).
-const GESTURES: [(&str, &str); 14] = [
+const GESTURES: [(&str, &str); 15] = [
     (
         "Drag on the canvas",
         "Paints; the first dab waits for a direction",
@@ -23,6 +23,10 @@ const GESTURES: [(&str, &str); 14] = [
         "F, then move, then click",
         "Size sideways, hardness up and down; the right button puts it back",
     ),
+    (
+        "Drag with the guide tool",
+        "Draws a guide; Shift makes it even, Alt begins at its middle",
+    ),
     ("Wheel over the canvas", "Zooms at the pointer"),
     ("Space + drag, Alt + drag, middle drag", "Moves the canvas"),
     ("Alt + right drag", "Zooms the canvas"),
@@ -33,7 +37,7 @@ const GESTURES: [(&str, &str); 14] = [
     ("Shift + right drag in 3D", "Turns the lights"),
     ("Wheel in 3D", "Comes closer"),
     ("Drag a bar", "Sets its number, with Shift finely"),
-    ("Double click a bar", "Types its number"),
+    ("Click a bar", "Types its number"),
     ("Middle click a bar", "Brings its default back"),
 ];
 
@@ -47,7 +51,10 @@ impl Help {
     /// Shows it; `true` when it is to be closed.
     pub(crate) fn show(&mut self, ui: &mut Ui, desk: &Desk) -> bool {
         let palette = Palette::of(ui);
-        ui.set_width(760.0);
+        let screen = ui.ctx().content_rect().size();
+        let room = screen.x - 80.0;
+        let count = ((room / COLUMN) as usize).clamp(1, 4);
+        ui.set_width(room.min(COLUMN * count as f32));
         let mut close = false;
         ui.horizontal(|ui| {
             ui.heading("Shortcuts");
@@ -59,22 +66,29 @@ impl Help {
                 ui.add(field).accessible_name("Search shortcuts");
             });
         });
-        ui.add_space(6.0);
         let wanted = self.wanted.to_lowercase();
-        // As high as the window has room for.
-        let room = (ui.ctx().content_rect().height() - 220.0).clamp(160.0, 900.0);
+        let mut parts: Vec<Part> = Group::ALL
+            .into_iter()
+            .map(|group| group_part(desk, group, &wanted))
+            .collect();
+        parts.push(gestures(desk, &wanted));
+        parts.retain(|part| !part.rows.is_empty());
+        // As high as the window has room for, and no higher than the list is.
+        let lines: usize = parts.iter().map(Part::height).sum();
+        let high = 17.5 * (lines / count + 8) as f32;
+        let room = (screen.y - 190.0).max(120.0).min(high);
         egui::ScrollArea::vertical()
             .max_height(room)
             .min_scrolled_height(room)
-            .auto_shrink(false)
+            .auto_shrink([false, true])
             .show(ui, |ui| {
-                ui.columns(2, |columns| {
-                    let middle = [Group::File, Group::Edit, Group::Layer, Group::Window];
-                    for group in Group::ALL {
-                        let ui = &mut columns[usize::from(!middle.contains(&group))];
-                        group_rows(ui, desk, group, &wanted);
+                ui.columns(count, |columns| {
+                    for (ui, parts) in columns.iter_mut().zip(spread(parts, count)) {
+                        ui.set_max_width(COLUMN - 28.0);
+                        for part in parts {
+                            ui.vertical(|ui| part.show(ui));
+                        }
                     }
-                    gestures(&mut columns[0], desk, &wanted);
                 });
             });
         if let Some(folders) = &desk.folders {
@@ -89,30 +103,76 @@ impl Help {
     }
 }
 
-fn group_rows(ui: &mut Ui, desk: &Desk, group: Group, wanted: &str) {
-    let of_group = Action::ALL.iter().filter(|a| a.group() == group);
-    let rows: Vec<(String, String, &str)> = of_group
-        .map(|a| {
-            (
-                desk.keymap.keys_text(*a),
-                a.name().trim_end_matches('\u{2026}').to_owned(),
-                a.doc(),
-            )
-        })
-        .filter(|(keys, name, doc)| {
-            wanted.is_empty()
-                || [keys.as_str(), name, doc]
-                    .iter()
-                    .any(|t| t.to_lowercase().contains(wanted))
-        })
-        .collect();
-    heading(ui, group.name(), rows.is_empty());
-    for (keys, name, doc) in rows {
-        row(ui, &keys, &name, doc);
+/// Width of a column, points.
+const COLUMN: f32 = 320.0;
+
+/// A heading with its rows: what is done, how, and more about it.
+struct Part {
+    title: &'static str,
+    rows: Vec<[String; 3]>,
+    /// Whether what is done stands below how, for want of room beside it.
+    is_long: bool,
+}
+
+impl Part {
+    /// Lines that it takes, about.
+    fn height(&self) -> usize {
+        2 + self.rows.len() * if self.is_long { 2 } else { 1 }
+    }
+
+    fn show(&self, ui: &mut Ui) {
+        let palette = Palette::of(ui);
+        ui.spacing_mut().item_spacing.y = 2.0;
+        ui.spacing_mut().interact_size.y = 15.0;
+        ui.add_space(7.0);
+        ui.label(RichText::new(self.title).strong());
+        for [what, how, more] in &self.rows {
+            let text = |text: &str| RichText::new(text).size(12.0);
+            if self.is_long {
+                ui.add(egui::Label::new(text(how).color(palette.accent)).wrap());
+                ui.add(egui::Label::new(text(what)).wrap());
+                ui.add_space(2.0);
+                continue;
+            }
+            ui.horizontal(|ui| {
+                left_label(ui, 150.0, text(what)).on_hover_text(more);
+                ui.label(text(how).color(palette.accent));
+            });
+        }
     }
 }
 
-fn gestures(ui: &mut Ui, desk: &Desk, wanted: &str) {
+/// The parts in columns of about the same height: the highest first, each into what is lowest by then.
+fn spread(mut parts: Vec<Part>, count: usize) -> Vec<Vec<Part>> {
+    parts.sort_by_key(|part| std::cmp::Reverse(part.height()));
+    let mut columns: Vec<(usize, Vec<Part>)> = (0..count).map(|_| (0, Vec::new())).collect();
+    for part in parts {
+        if let Some(lowest) = columns.iter_mut().min_by_key(|(height, _)| *height) {
+            lowest.0 += part.height();
+            lowest.1.push(part);
+        }
+    }
+    columns.into_iter().map(|(_, parts)| parts).collect()
+}
+
+fn group_part(desk: &Desk, group: Group, wanted: &str) -> Part {
+    let of_group = Action::ALL.iter().filter(|a| a.group() == group);
+    let rows = of_group.map(|a| {
+        let name = a.name().trim_end_matches('\u{2026}').to_owned();
+        [name, desk.keymap.keys_text(*a), a.doc().to_owned()]
+    });
+    Part {
+        title: group.name(),
+        rows: rows.filter(|row| has(row, wanted)).collect(),
+        is_long: false,
+    }
+}
+
+fn has(row: &[String; 3], wanted: &str) -> bool {
+    row.iter().any(|text| text.to_lowercase().contains(wanted))
+}
+
+fn gestures(desk: &Desk, wanted: &str) -> Part {
     let orbit = match desk.settings.navigation {
         Preset::Alt => (
             "Alt + left, middle, right drag in 3D",
@@ -123,36 +183,11 @@ fn gestures(ui: &mut Ui, desk: &Desk, wanted: &str) {
             "Turns, moves, zooms the camera",
         ),
     };
-    let all: Vec<_> = GESTURES.iter().copied().chain([orbit]).collect();
-    let found: Vec<_> = all
-        .into_iter()
-        .filter(|(how, what)| {
-            wanted.is_empty()
-                || how.to_lowercase().contains(wanted)
-                || what.to_lowercase().contains(wanted)
-        })
-        .collect();
-    heading(ui, "Pointer", found.is_empty());
-    for (how, what) in found {
-        let palette = Palette::of(ui);
-        ui.add(egui::Label::new(RichText::new(how).color(palette.accent).size(12.0)).wrap());
-        ui.add(egui::Label::new(RichText::new(what).size(12.0)).wrap());
-        ui.add_space(3.0);
+    let all = GESTURES.iter().copied().chain([orbit]);
+    let rows = all.map(|(how, what)| [what.to_owned(), how.to_owned(), String::new()]);
+    Part {
+        title: "Pointer",
+        rows: rows.filter(|row| has(row, wanted)).collect(),
+        is_long: true,
     }
-}
-
-fn heading(ui: &mut Ui, text: &str, is_empty: bool) {
-    if !is_empty {
-        ui.add_space(6.0);
-        ui.label(RichText::new(text).strong());
-    }
-}
-
-fn row(ui: &mut Ui, keys: &str, name: &str, doc: &str) {
-    let palette = Palette::of(ui);
-    ui.horizontal(|ui| {
-        ui.spacing_mut().interact_size.y = 18.0;
-        left_label(ui, 170.0, RichText::new(name).size(12.5)).on_hover_text(doc);
-        ui.label(RichText::new(keys).size(12.5).color(palette.accent));
-    });
 }

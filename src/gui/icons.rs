@@ -35,6 +35,7 @@ pub(crate) enum Icon {
     Wrap,
     Frame,
     Sun,
+    More,
     Info,
     Warning,
 }
@@ -307,6 +308,11 @@ impl Icon {
                 Line(&[[16.5, 16.5], [18.4, 18.4]]),
                 Line(&[[18.4, 5.6], [16.5, 7.5]]),
                 Line(&[[7.5, 16.5], [5.6, 18.4]]),
+            ],
+            Self::More => &[
+                Dot([5.5, 12.0], 1.8),
+                Dot([12.0, 12.0], 1.8),
+                Dot([18.5, 12.0], 1.8),
             ],
             Self::Info => &[
                 Circle([12.0, 12.0], 8.5),

@@ -8,12 +8,14 @@ use anisomap::map::Size;
 use anisomap::progress::Progress;
 use anisomap::studio::apart;
 use anisomap::studio::view::{
-    AlphaRange, Camera2d, Coverage, Legend, LegendShape, LintMarks, Needle, RatioRange, View,
+    AlphaRange, Camera2d, Coverage, Legend, LegendShape, LintMarks, MarkedPole, Needle, RatioRange,
+    View,
 };
 use eframe::egui::{
     Align2, Color32, ColorImage, CornerRadius, FontId, Painter, Pos2, Rect, Shape, Stroke,
     TextureHandle, TextureOptions, Ui, pos2, vec2,
 };
+use std::collections::BTreeMap;
 
 /// The colour of a layer's coverage.
 const COVERAGE: [u8; 3] = [0xe2, 0x57, 0x8f];
@@ -144,12 +146,12 @@ pub(crate) fn needle_shapes(painter: &Painter, rect: Rect, scale: f32, needles: 
             .map(|n| line(n, Stroke::new(3.0, Color32::from_black_alpha(110)))),
     );
     painter.extend(needles.iter().map(|n| {
-        let strength = (90.0 + 165.0 * n.anisotropy) as u8;
+        let strength = (130.0 + 125.0 * n.anisotropy) as u8;
         line(
             n,
             Stroke::new(
-                1.3,
-                Color32::from_rgba_unmultiplied(0xff, 0xd9, 0x9a, strength),
+                1.8,
+                Color32::from_rgba_unmultiplied(0xff, 0xdf, 0xa6, strength),
             ),
         )
     }));
@@ -292,27 +294,19 @@ impl Overlay {
         let place = |p: glam::Vec2| rect.min + vec2(p.x, p.y) / scale;
         for seam in marks.seams(&camera) {
             let [r, g, b, _] = seam.colour;
-            painter.line_segment(
-                seam.ends.map(place),
-                Stroke::new(3.0, Color32::from_rgb(r, g, b)),
-            );
-        }
-        for pole in marks.poles(&camera) {
-            let at = place(pole.at);
-            let colour = if pole.halves > 0 {
-                Color32::from_rgb(0xff, 0xc8, 0x5a)
+            // What can hardly be seen on the mesh is hardly seen here.
+            let (width, alpha) = if seam.degrees < 2.0 {
+                (1.0, 120)
             } else {
-                Color32::from_rgb(0x6a, 0xc4, 0xff)
+                (3.0, 255)
             };
-            painter.circle_filled(at, 11.0, Color32::from_black_alpha(170));
-            painter.circle_stroke(at, 11.0, Stroke::new(1.5, colour));
-            painter.text(
-                at,
-                Align2::CENTER_CENTER,
-                &pole.label,
-                FontId::proportional(10.0),
-                colour,
-            );
+            let colour = Color32::from_rgba_unmultiplied(r, g, b, alpha);
+            painter.line_segment(seam.ends.map(place), Stroke::new(width, colour));
+        }
+        let poles = marks.poles(&camera);
+        let places = poles.iter().map(|p| place(p.at)).collect::<Vec<_>>();
+        for heap in heaps(&places) {
+            paint_heap(painter, &heap, &poles);
         }
     }
 
@@ -336,11 +330,80 @@ impl Overlay {
     }
 }
 
+/// Poles that lie so near each other that their marks would: where they are in the middle, and which they are.
+struct Heap {
+    at: Pos2,
+    poles: Vec<usize>,
+}
+
+/// Radius of the mark of a pole, points.
+const POLE: f32 = 11.0;
+
+impl Heap {
+    fn radius(&self) -> f32 {
+        POLE + 1.6 * (self.poles.len() as f32).ln()
+    }
+}
+
+/// Brings places together until no two marks lie over each other.
+fn heaps(places: &[Pos2]) -> Vec<Heap> {
+    // By cells first: there may be thousands.
+    let cell = 2.0 * POLE;
+    let mut cells: BTreeMap<(i32, i32), Vec<usize>> = BTreeMap::new();
+    for (i, at) in places.iter().enumerate() {
+        let key = ((at.x / cell).floor() as i32, (at.y / cell).floor() as i32);
+        cells.entry(key).or_default().push(i);
+    }
+    let middle = |poles: &[usize]| {
+        let sum = poles.iter().map(|i| places[*i].to_vec2());
+        (sum.fold(vec2(0.0, 0.0), |a, b| a + b) / poles.len() as f32).to_pos2()
+    };
+    let mut heaps: Vec<Heap> = Vec::new();
+    let mut waiting: Vec<Vec<usize>> = cells.into_values().collect();
+    while let Some(mut poles) = waiting.pop() {
+        let here = Heap {
+            at: middle(&poles),
+            poles: Vec::new(),
+        };
+        let reach = POLE + 1.6 * (poles.len() as f32).ln();
+        let near = |h: &Heap| h.at.distance(here.at) < h.radius() + reach;
+        match heaps.iter().position(near) {
+            Some(i) => {
+                poles.extend(heaps.swap_remove(i).poles);
+                waiting.push(poles);
+            }
+            None => heaps.push(Heap { poles, ..here }),
+        }
+    }
+    heaps
+}
+
+fn paint_heap(painter: &Painter, heap: &Heap, poles: &[MarkedPole]) {
+    let sign = |i: &usize| poles[*i].halves.signum();
+    let first = sign(&heap.poles[0]);
+    let colour = if heap.poles.iter().any(|i| sign(i) != first) {
+        Color32::from_rgb(0xe8, 0xe9, 0xea)
+    } else if first > 0 {
+        Color32::from_rgb(0xff, 0xc8, 0x5a)
+    } else {
+        Color32::from_rgb(0x6a, 0xc4, 0xff)
+    };
+    let label = match &heap.poles[..] {
+        [one] => poles[*one].label.clone(),
+        many => format!("{}\u{d7}", many.len()),
+    };
+    let radius = heap.radius();
+    painter.circle_filled(heap.at, radius, Color32::from_black_alpha(215));
+    painter.circle_stroke(heap.at, radius, Stroke::new(1.5, colour));
+    let font = FontId::proportional(11.0);
+    painter.text(heap.at, Align2::CENTER_CENTER, label, font, colour);
+}
+
 fn summary(marks: &LintMarks) -> String {
     let marks = marks.marks();
     let poles = match marks.rough {
         Some(loops) => format!("a rough field: {loops} turning points"),
-        None => format!("{} singular points", marks.poles.len()),
+        None => super::messages::count(marks.poles.len(), "singular point"),
     };
     let worst = marks.seams.iter().map(|s| s.degrees).fold(0.0, f32::max);
     let seams = if marks.seams.is_empty() {
@@ -354,4 +417,28 @@ fn summary(marks: &LintMarks) -> String {
         "marked texels are out of some format's range"
     };
     format!("{poles}; {seams}; {texels}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_that_would_pile_up_become_one_with_their_number() {
+        let line = |n: i32, apart: f32| -> Vec<Pos2> {
+            (0..n).map(|i| pos2(i as f32 * apart, 40.0)).collect()
+        };
+        let apart = heaps(&line(9, 40.0));
+        assert!(apart.len() == 9 && apart.iter().all(|h| h.poles.len() == 1));
+        for places in [line(400, 1.0), line(300, 9.0), line(2, 5.0)] {
+            let heaps = heaps(&places);
+            let all: usize = heaps.iter().map(|h| h.poles.len()).sum();
+            assert_eq!(all, places.len());
+            for (i, a) in heaps.iter().enumerate() {
+                for b in &heaps[..i] {
+                    assert!(a.at.distance(b.at) >= a.radius() + b.radius());
+                }
+            }
+        }
+    }
 }

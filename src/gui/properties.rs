@@ -286,7 +286,7 @@ fn parameter_tip(parameter: &anisomap::pattern::Parameter, key: &str) -> String 
         format!(" {}", parameter.unit)
     };
     format!(
-        "{doc}.\n{} to {}{unit}; in the recipe: {key}\nDrag, or double click to type; a middle click brings the default back.",
+        "{doc}.\n{} to {}{unit}; in the recipe: {key}\nDrag, or click to type; a middle click brings the default back.",
         parameter.range.start(),
         parameter.range.end()
     )

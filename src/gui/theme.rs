@@ -138,7 +138,11 @@ fn style(visuals: Visuals, palette: &Palette, panel: [u8; 3], control: [u8; 3]) 
     spacing.icon_width_inner = 9.0;
     spacing.tooltip_width = 320.0;
     spacing.combo_width = 60.0;
-    spacing.scroll.bar_width = 7.0;
+    // Seen without being looked for: what is cut off says so.
+    spacing.scroll = egui::style::ScrollStyle {
+        bar_width: 8.0,
+        ..egui::style::ScrollStyle::thin()
+    };
     style.interaction.tooltip_delay = 0.45;
     style.animation_time = 0.0; // an animation repaints a window that a software renderer draws
     style

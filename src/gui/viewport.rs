@@ -23,6 +23,15 @@ use eframe::egui::{
 use glam::Vec2;
 use std::time::{Duration, Instant};
 
+/// Widths of the parts of the strip, points: the buttons on the right, and what stands left of them.
+const ICONS: f32 = 86.0;
+const MESH: f32 = 98.0;
+const MODEL: f32 = 122.0;
+const MODE: f32 = 118.0;
+const EXPOSURE: f32 = 108.0;
+/// How many models are shown.
+const MODES: [&str; 3] = ["One model", "Side by side", "Difference"];
+
 /// The built-in meshes, as recipes name them.
 pub(crate) const MESHES: [&str; 6] = ["torus", "pot", "sphere", "plane", "cylinder", "disc"];
 /// How long nothing must happen before the picture is drawn better.
@@ -91,43 +100,40 @@ impl ViewportPane {
         self.cursor(ui, &response, desk);
     }
 
+    /// What is shown and how it is lit. What has no room is behind the button with the three dots.
     fn strip(&mut self, ui: &mut Ui, desk: &mut Desk) {
         strip(ui, |ui| {
-            mesh_choice(ui, desk);
             let show = desk.studio.viewport().show();
-            let mut first = show.looks()[0];
-            let mut chosen = show;
-            if look_choice(ui, "Model", &mut first) {
-                chosen = with_first(show, first);
-            }
-            let modes = ["One model", "Side by side", "Difference"];
-            let now = match show {
-                Show::One(_) => 0,
-                Show::Pair(..) => 1,
-                Show::Difference(..) => 2,
+            let is_pair = !matches!(show, Show::One(_));
+            let room = ui.available_width();
+            // Buttons, then mesh, model, mode, second model, exposure, as long as there is room for the next.
+            let mut left = room - ICONS - MESH;
+            let mut fits = |width: f32| {
+                left -= width;
+                left >= 0.0
             };
-            egui::ComboBox::from_id_salt("compare")
-                .width(84.0)
-                .selected_text(modes[now])
-                .show_ui(ui, |ui| {
-                    for (i, mode) in modes.iter().enumerate() {
-                        if ui.selectable_label(i == now, *mode).clicked() {
-                            chosen = as_mode(i, first, self.other);
-                        }
-                    }
-                })
-                .response
-                .accessible_name("One model, two, or their difference")
-                .on_hover_text(desk.tip(Action::Compare));
-            if now > 0 {
+            let has_model = fits(MODEL);
+            let has_mode = has_model && fits(MODE);
+            let has_second = has_mode && (!is_pair || fits(MODEL));
+            // Where all has room there is no third button.
+            let has_exposure = has_second && fits(EXPOSURE - 28.0);
+            mesh_choice(ui, desk);
+            let mut chosen = show;
+            if has_model {
+                let mut first = show.looks()[0];
+                if look_choice(ui, "Model", &mut first) {
+                    chosen = with_first(show, first);
+                }
+            }
+            if has_mode {
+                chosen = mode_choice(ui, desk, chosen, self.other);
+            }
+            if has_second && is_pair {
                 let mut second = self.other;
                 if look_choice(ui, "Second model", &mut second) {
                     self.other = second;
-                    chosen = as_mode(now, first, second);
+                    chosen = as_mode(mode_of(chosen), chosen.looks()[0], second);
                 }
-            }
-            if chosen != show {
-                self.set_show(desk, chosen);
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let frame = icon_button(ui, Icon::Frame, Action::FrameAll.name(), 24.0, false);
@@ -141,12 +147,32 @@ impl ViewportPane {
                 egui::Popup::menu(&sun)
                     .close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside)
                     .show(|ui| lights_menu(ui, desk));
-                // Beside a second model there may be no room for it; its keys work all the same.
-                let room = ui.available_width();
-                if room > 76.0 {
-                    exposure(ui, desk, room.min(108.0));
+                if has_exposure {
+                    exposure(ui, desk, ui.available_width().min(EXPOSURE));
+                    return;
                 }
+                let more = icon_button(ui, Icon::More, "More of the 3D view", 24.0, false)
+                    .on_hover_text("What has no room here: models, comparing, exposure.");
+                egui::Popup::menu(&more)
+                    .close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside)
+                    .show(|ui| {
+                        ui.set_width(250.0);
+                        if !has_model {
+                            chosen = look_menu(ui, "Model", chosen, &mut self.other, true);
+                        }
+                        let modes = super::widgets::choices(ui, "Show", &MODES, mode_of(chosen));
+                        if let Some(mode) = modes {
+                            chosen = as_mode(mode, chosen.looks()[0], self.other);
+                        }
+                        if mode_of(chosen) > 0 {
+                            chosen = look_menu(ui, "Second model", chosen, &mut self.other, false);
+                        }
+                        exposure(ui, desk, 250.0);
+                    });
             });
+            if chosen != show {
+                self.set_show(desk, chosen);
+            }
         });
     }
 
@@ -572,6 +598,51 @@ fn with_first(show: Show, first: Look) -> Show {
     }
 }
 
+fn mode_of(show: Show) -> usize {
+    match show {
+        Show::One(_) => 0,
+        Show::Pair(..) => 1,
+        Show::Difference(..) => 2,
+    }
+}
+
+/// Chooses how many models are shown; gives what is shown then.
+fn mode_choice(ui: &mut Ui, desk: &Desk, show: Show, second: Look) -> Show {
+    let (now, first) = (mode_of(show), show.looks()[0]);
+    let mut chosen = show;
+    egui::ComboBox::from_id_salt("compare")
+        .width(84.0)
+        .selected_text(MODES[now])
+        .show_ui(ui, |ui| {
+            for (i, mode) in MODES.iter().enumerate() {
+                if ui.selectable_label(i == now, *mode).clicked() {
+                    chosen = as_mode(i, first, second);
+                }
+            }
+        })
+        .response
+        .accessible_name("One model, two, or their difference")
+        .on_hover_text(desk.tip(Action::Compare));
+    chosen
+}
+
+/// The first or the second model as a menu of its own; gives what is shown then.
+fn look_menu(ui: &mut Ui, name: &str, show: Show, second: &mut Look, is_first: bool) -> Show {
+    let mut look = if is_first { show.looks()[0] } else { *second };
+    let before = look;
+    ui.menu_button(format!("{name}: {}", look.caption()), |ui| {
+        look_list(ui, &mut look);
+    });
+    if look == before {
+        show
+    } else if is_first {
+        with_first(show, look)
+    } else {
+        *second = look;
+        as_mode(mode_of(show), show.looks()[0], look)
+    }
+}
+
 fn as_mode(mode: usize, first: Look, second: Look) -> Show {
     match mode {
         0 => Show::One(first),
@@ -617,21 +688,29 @@ pub(crate) fn set_mesh(desk: &mut Desk, mesh: &str) {
 /// Chooses a model, with the map or with its mean; `true` when another was chosen.
 fn look_choice(ui: &mut Ui, name: &str, look: &mut Look) -> bool {
     let before = *look;
-    egui::ComboBox::from_id_salt(name).width(88.0).selected_text(look.caption()).show_ui(ui, |ui| {
-        for mean in [false, true] {
-            for model in Model::ALL {
-                if mean && model == Model::Lambert {
-                    continue;
-                }
-                let one = Look { model, mean };
-                ui.selectable_value(look, one, one.caption());
-            }
-            if !mean {
-                ui.separator();
-            }
-        }
-    }).response.accessible_name(name).on_hover_text("The reflection model. Without \u{201c}map\u{201d} it has the map's mean lobe all over (J for the next).");
+    egui::ComboBox::from_id_salt(name)
+        .width(88.0)
+        .selected_text(look.caption())
+        .show_ui(ui, |ui| look_list(ui, look))
+        .response
+        .accessible_name(name)
+        .on_hover_text("The reflection model. Without \u{201c}map\u{201d} it has the map's mean lobe all over (J for the next).");
     *look != before
+}
+
+fn look_list(ui: &mut Ui, look: &mut Look) {
+    for mean in [false, true] {
+        for model in Model::ALL {
+            if mean && model == Model::Lambert {
+                continue;
+            }
+            let one = Look { model, mean };
+            ui.selectable_value(look, one, one.caption());
+        }
+        if !mean {
+            ui.separator();
+        }
+    }
 }
 
 fn exposure(ui: &mut Ui, desk: &mut Desk, width: f32) {

@@ -9,7 +9,7 @@ use eframe::egui::{
 use std::ops::RangeInclusive;
 
 /// A number in a range: a bar with its name on the left and the number on the right. Dragging sets it, with Shift finely; a
-/// double click or Enter types it; the arrow keys move it.
+/// click or Enter types it; the arrow keys move it.
 pub(crate) struct Bar<'a> {
     label: &'a str,
     range: RangeInclusive<f64>,
@@ -163,9 +163,7 @@ impl<'a> Bar<'a> {
         self.paint(ui, rect, &response, *value);
         let (label, shown) = (self.label, *value * self.factor);
         response.widget_info(|| WidgetInfo::slider(true, shown, label));
-        if response.double_clicked()
-            || (response.has_focus() && ui.input(|i| i.key_pressed(Key::Enter)))
-        {
+        if response.clicked() || (response.has_focus() && ui.input(|i| i.key_pressed(Key::Enter))) {
             let text = self.text(*value);
             let number = text.trim_end_matches(self.unit).trim().to_owned();
             ui.data_mut(|d| d.insert_temp(editing, number));

@@ -699,3 +699,75 @@ fn a_mask_is_painted() {
     settle(&mut window);
     assert!(map(&window) == hidden);
 }
+
+#[test]
+fn the_map_goes_on_to_fit_until_somebody_moves_it() {
+    let (mut window, _folder) = window();
+    let fitted = window.state().canvas.zoom();
+    press(&mut window, "F3");
+    window.step();
+    let alone = window.state().canvas.zoom();
+    assert!(alone > 1.05 * fitted, "with more room: {fitted} {alone}");
+    window.set_size(vec2(900.0, 500.0));
+    window.run_steps(2);
+    let small = window.state().canvas.zoom();
+    assert!(small < alone, "{alone} {small}");
+    press(&mut window, "Ctrl+Equals");
+    let moved = window.state().canvas.zoom();
+    window.set_size(vec2(1300.0, 800.0));
+    window.run_steps(2);
+    assert_eq!(window.state().canvas.zoom(), moved, "as the user left it");
+    press(&mut window, "0");
+    window.step();
+    let again = window.state().canvas.zoom();
+    window.set_size(vec2(900.0, 500.0));
+    window.run_steps(2);
+    assert!(window.state().canvas.zoom() < again);
+}
+
+#[test]
+fn the_first_stroke_closes_the_hint_which_stays_out_of_other_views() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut first = app(folder.path(), SMALL);
+    first.desk.settings.hint_closed = false;
+    let mut window = window_of(first, vec2(1200.0, 760.0));
+    window.get_by_label_contains("middle button: Edit > Settings");
+    press(&mut window, "5");
+    window.step();
+    assert!(window.query_by_label_contains("Turn the torus").is_none());
+    press(&mut window, "1");
+    stroke(&mut window, (0.35, 0.6), (0.65, 0.7));
+    window.step();
+    assert!(window.query_by_label_contains("Turn the torus").is_none());
+    let (settings, _) = Settings::load(&Folders::below(folder.path()).settings());
+    assert!(settings.hint_closed);
+}
+
+#[test]
+fn what_has_no_room_in_a_narrow_3d_strip_is_in_its_menu() {
+    let (mut window, _folder) = window();
+    window.set_size(vec2(900.0, 600.0));
+    window.run_steps(3);
+    let view = window.get_by_role_and_label(Role::Canvas, "3D view").rect();
+    for name in [
+        "Mesh",
+        "Model",
+        "Lights",
+        "Frame all",
+        "More of the 3D view",
+    ] {
+        if let Some(node) = window.query_by_label(name) {
+            let rect = node.rect();
+            assert!(view.x_range().contains(rect.left()), "{name}: {rect:?}");
+            assert!(view.x_range().contains(rect.right()), "{name}: {rect:?}");
+        }
+    }
+    button(&window, "More of the 3D view");
+    window.run_steps(2);
+    window
+        .get_by_role_and_label(Role::RadioButton, "Show Side by side")
+        .click();
+    window.run_steps(3);
+    let show = window.state().desk.studio.viewport().show();
+    assert!(matches!(show, anisomap::studio::Show::Pair(..)), "{show:?}");
+}
