@@ -101,11 +101,16 @@ impl Difference {
         sum / self.values.len() as f64
     }
 
-    /// Where the colours end: 1, 2 or 5 times a power of ten that holds 99.5 % of the values.
+    /// Where the colours end: 1, 2 or 5 times a power of ten that holds 99.5 % of the values; of colour differences at least 2,
+    /// so that what nobody can see does not glow.
     pub fn scale(&self) -> f32 {
         let mut sorted: Vec<f32> = self.values.iter().map(|v| v.abs()).collect();
         sorted.sort_by(f32::total_cmp);
-        round_up(sorted[(sorted.len() - 1) * 199 / 200])
+        let scale = round_up(sorted[(sorted.len() - 1) * 199 / 200]);
+        match self.measure {
+            Measure::DeltaE => scale.max(2.0),
+            Measure::Signed | Measure::Absolute => scale,
+        }
     }
 
     /// In false colour over a legend, in a picture of the compared size and the legend's height more. Signed: blue where the
@@ -325,6 +330,8 @@ mod tests {
             (d.largest() - 100.0).abs() < 0.01,
             "black to white, clipped"
         );
+        let d = Difference::new(&grey(0.5), &grey(0.501), Measure::DeltaE).unwrap();
+        assert!(d.largest() < 1.0 && d.scale() == 2.0, "it cannot be seen");
         let other = Picture::new(Size::new(2, 2).unwrap(), [0.0; 3]);
         assert!(Difference::new(&grey(0.0), &other, Measure::Signed).is_err());
     }
