@@ -11,10 +11,9 @@ use super::import::ImportDialog;
 use super::intake::{self, Intake, Part, Taken};
 use super::keys;
 use super::layers::{LayersPanel, menu_item};
-use super::machine::too_large;
 use super::messages::count;
 use super::presets::PresetBrowser;
-use super::properties::{Leaf, PropertiesPanel};
+use super::properties::{Leaf, PropertiesPanel, too_large};
 use super::theme::{self, Palette};
 use super::viewport::{MESHES, ViewportPane, set_exposure, set_lights, set_mesh};
 use super::watch::Watch;
@@ -124,7 +123,7 @@ impl App {
             undo_bytes: settings.undo_bytes(),
         };
         let mut large = None;
-        let (file, path) = if let Some(warning) = too_large(file.recipe().size) {
+        let (file, path) = if let Some(warning) = too_large(file.recipe(), file.recipe().size) {
             let what = LargeThing::Document(Box::new(file), path);
             large = Some(Large { warning, what });
             (welcome()?, None)
@@ -592,7 +591,14 @@ impl App {
                 Ok(())
             }
             Action::ToggleLayer => {
-                desk.edit_head(at, "Show or hide layer", None, |h| h.visible = !h.visible);
+                let shown = desk
+                    .studio
+                    .recipe()
+                    .layers
+                    .get(at)
+                    .is_some_and(|l| l.visible);
+                let label = if shown { "Hide layer" } else { "Show layer" };
+                desk.edit_head(at, label, |h| h.visible = !h.visible);
                 Ok(())
             }
             Action::SoloLayer => {
@@ -1014,7 +1020,7 @@ impl App {
 
     /// Shows a recipe; asks first where its map takes more memory than there is.
     fn begin(&mut self, ctx: &Context, file: RecipeFile, path: Option<PathBuf>) {
-        if let Some(warning) = too_large(file.recipe().size) {
+        if let Some(warning) = too_large(file.recipe(), file.recipe().size) {
             let what = LargeThing::Document(Box::new(file), path);
             self.desk.large = Some(Large { warning, what });
             ctx.request_repaint();

@@ -178,6 +178,7 @@ impl CanvasPane {
             self.edit_guides(ui, &painter, &response, desk, camera);
         }
         self.look_under_pointer(&response, desk, camera);
+        self.linked(ui, &painter, desk, camera);
         self.legend(ui, &painter, desk);
         if self.kind.is_lit() {
             self.light_handle(ui, &painter, &response);
@@ -451,8 +452,24 @@ impl CanvasPane {
         }
     }
 
-    fn look_under_pointer(&mut self, response: &Response, desk: &Desk, camera: Camera2d) {
-        self.probe = None;
+    /// What the pointer over the mesh points at: the brush, as it would paint there.
+    fn linked(&self, ui: &Ui, painter: &Painter, desk: &Desk, camera: Camera2d) {
+        let shown = desk.panes == super::desk::Panes::Both;
+        let Some(uv) = desk.on_mesh.filter(|_| shown) else {
+            return;
+        };
+        let place = uv * extent(desk);
+        let at = self.screen_at(ui.pixels_per_point(), desk, camera, place);
+        if desk.hand.kind().paints() {
+            let radius = desk.hand.brush().radius * self.points_per_unit(ui, camera);
+            ring(painter, at, radius.max(3.0), 0.8);
+        }
+        painter.circle_filled(at, 3.0, Color32::from_black_alpha(160));
+        painter.circle_filled(at, 1.5, Color32::WHITE);
+    }
+
+    fn look_under_pointer(&mut self, response: &Response, desk: &mut Desk, camera: Camera2d) {
+        (self.probe, desk.on_map) = (None, None);
         let Some(pointer) = response.hover_pos() else {
             return;
         };
@@ -462,6 +479,7 @@ impl CanvasPane {
         let inside = (0.0..=1.0).contains(&uv.x) && (0.0..=1.0).contains(&uv.y);
         if inside || self.wrap {
             self.probe = Probe::at(desk.studio.map(), uv);
+            desk.on_map = Some((uv - uv.floor()).as_vec2());
         }
     }
 
@@ -740,6 +758,9 @@ impl CanvasPane {
         let brush = desk.hand.brush();
         let radius = brush.radius * self.points_per_unit(ui, camera);
         ring(painter, centre, radius, 1.0);
+        if self.adjusting.is_none() {
+            self.ghosts(ui, painter, desk, camera, (centre, radius));
+        }
         if brush.hardness < 0.99 && radius > 8.0 {
             ring(painter, centre, radius * brush.hardness, 0.45);
         }
@@ -764,6 +785,40 @@ impl CanvasPane {
                 Align2::CENTER_TOP,
                 &text,
             );
+        }
+    }
+
+    /// Where else a brush at a place paints: a map that repeats goes on at its opposite edge.
+    fn ghosts(
+        &self,
+        ui: &Ui,
+        painter: &Painter,
+        desk: &Desk,
+        camera: Camera2d,
+        (at, radius): (Pos2, f32),
+    ) {
+        if self.wrap {
+            return; // the copies themselves are shown
+        }
+        let wrap = desk.studio.recipe().wrap;
+        let (u, v) = (wrap.repeats_u(), wrap.repeats_v());
+        let uv = camera.uv_at(self.map, self.pixel(ui, at)).as_vec2();
+        let place =
+            |uv: Vec2| self.screen_at(ui.pixels_per_point(), desk, camera, uv * extent(desk));
+        let map = Rect::from_two_pos(place(Vec2::ZERO), place(Vec2::ONE));
+        let painter = painter.with_clip_rect(map.intersect(self.rect));
+        for i in -1..=1 {
+            for j in -1..=1 {
+                let by = Vec2::new(
+                    if u { i as f32 - uv.x.floor() } else { 0.0 },
+                    if v { j as f32 - uv.y.floor() } else { 0.0 },
+                );
+                let twice = (!u && i != 0) || (!v && j != 0);
+                let there = place(uv + by);
+                if !twice && by != Vec2::ZERO && map.expand(radius).contains(there) {
+                    ring(&painter, there, radius, 0.6);
+                }
+            }
         }
     }
 

@@ -9,8 +9,9 @@ use anisomap::studio::action::Action;
 use anisomap::studio::hand::Hand;
 use anisomap::studio::keymap::Keymap;
 use anisomap::studio::settings::{Folders, Settings};
-use anisomap::studio::{Edit, Header, LayerHead, Studio, Tick};
+use anisomap::studio::{Header, LayerHead, Studio, Tick};
 use eframe::egui::{Context, Id};
+use glam::Vec2;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -63,6 +64,9 @@ pub(crate) struct Desk {
     pub(crate) panels: bool,
     /// The part of the width that the canvas has, beside the 3D view.
     pub(crate) split: f32,
+    /// What the pointer over the canvas shows on the mesh, and over the mesh on the canvas, UV 0 to 1.
+    pub(crate) on_map: Option<Vec2>,
+    pub(crate) on_mesh: Option<Vec2>,
     /// How far the work in the background is.
     pub(crate) working: Option<f32>,
     pub(crate) news: News,
@@ -110,6 +114,8 @@ impl Desk {
             panes: Panes::default(),
             panels: true,
             split: 0.5,
+            on_map: None,
+            on_mesh: None,
             working: None,
             news: News::default(),
             draw_time: None,
@@ -176,30 +182,22 @@ impl Desk {
         }
     }
 
-    /// Makes edits as one step; see [`Studio::edit`]. `true` when they were made.
-    pub(crate) fn edit(&mut self, label: &str, edits: Vec<Edit>, key: Option<&str>) -> bool {
-        let done = self.studio.edit(label, edits, key);
-        self.redraw = self.redraw.or(Redraw::Sharp);
-        self.told(done).is_some()
-    }
-
-    /// Changes what a layer has beside its source.
+    /// Changes what a layer has beside its source, as a step of its own.
     pub(crate) fn edit_head(
         &mut self,
         at: usize,
         label: &str,
-        key: Option<&str>,
         change: impl FnOnce(&mut LayerHead),
     ) {
         let Some(layer) = self.studio.recipe().layers.get(at) else {
             return;
         };
-        let mut head = Box::new(LayerHead::of(layer));
-        let before = head.clone();
+        let mut head = LayerHead::of(layer);
         change(&mut head);
-        if head != before {
-            self.edit(label, vec![Edit::SetHead { at, head }], key);
-        }
+        let done = self.studio.set_head(at, label, head);
+        self.studio.seal();
+        self.redraw = self.redraw.or(Redraw::Sharp);
+        self.told(done);
     }
 
     /// Shows the selected layer alone, or all again.

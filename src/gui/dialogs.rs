@@ -14,6 +14,7 @@ use super::widgets::{Bar, caption, choices};
 use anisomap::Error;
 use anisomap::map::Size;
 use anisomap::recipe::{Preset, Recipe, RecipeFile};
+use anisomap::studio::action::Action;
 use anisomap::studio::orbit;
 use anisomap::studio::settings::Theme;
 use anisomap::studio::{LeftBehind, Options, Studio};
@@ -84,6 +85,7 @@ pub(crate) enum Wish {
 pub(crate) struct NewDocument {
     side: u32,
     aspect: f64,
+    /// Of the built-in ones; past them one of the user's own, asked for next.
     mesh: usize,
 }
 
@@ -91,7 +93,7 @@ impl Default for NewDocument {
     fn default() -> Self {
         Self {
             side: 1024,
-            aspect: 1.0,
+            aspect: aspect_of(0),
             mesh: 0,
         }
     }
@@ -383,41 +385,52 @@ fn ask_for_room(ui: &mut Ui, large: &Large) -> (Next, Option<Wish>) {
 fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, Option<Wish>) {
     ui.set_width(380.0);
     ui.heading("New document");
-    caption(ui, "Width in texels");
+    caption(ui, "Width and height in texels");
     let sides = [512u32, 1024, 2048, 4096, 8192, 16384];
     let words: Vec<String> = sides.iter().map(u32::to_string).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let now = sides.iter().position(|s| *s == new.side).unwrap_or(1);
-    if let Some(i) = choices(ui, "Width", &words, now) {
+    if let Some(i) = choices(ui, "Side", &words, now) {
         new.side = sides[i];
     }
-    let bar = Bar::new("Width over height", 0.25..=4.0).default(1.0);
-    bar.show(ui, &mut new.aspect)
-        .response
-        .on_hover_text("Of the surface: 1 for a square, 2 for a torus.");
-    let height = (f64::from(new.side) / new.aspect)
-        .round()
-        .clamp(1.0, 32768.0) as u32;
-    ui.label(
-        RichText::new(format!(
-            "{} x {height} texels, about {} while you work",
-            new.side,
-            memory([new.side, height])
-        ))
-        .color(Palette::of(ui).weak),
-    );
-    caption(ui, "Mesh");
-    let meshes = super::viewport::MESHES;
-    if let Some(i) = choices(ui, "Mesh", &meshes, new.mesh) {
-        new.mesh = i;
+    if let Ok(file) = new.recipe() {
+        let recipe = file.recipe();
+        let text = format!(
+            "{} texels, about {} while you work",
+            recipe.size,
+            memory(recipe, recipe.size)
+        );
+        ui.label(RichText::new(text).color(Palette::of(ui).weak));
     }
+    caption(ui, "Mesh");
+    let meshes = super::viewport::MESHES.map(super::properties::sentence);
+    let mut words: Vec<&str> = meshes.iter().map(String::as_str).collect();
+    words.push("Own\u{2026}");
+    if let Some(i) = choices(ui, "Mesh", &words, new.mesh) {
+        new.mesh = i;
+        new.aspect = aspect_of(i);
+    }
+    if new.mesh >= meshes.len() {
+        let text = "Asked for next: a GLB, glTF or OBJ file. It lies beside the recipe, which is saved before.";
+        let text = RichText::new(text).small().color(Palette::of(ui).weak);
+        ui.add(egui::Label::new(text).wrap());
+    }
+    let bar = Bar::new("Width over height on the mesh", 0.1..=10.0).default(aspect_of(new.mesh));
+    bar.show(ui, &mut new.aspect).response.on_hover_text(
+        "Of the surface, for one turn of UV: strokes keep their shape on the mesh. Follows the mesh; click to type.",
+    );
     ui.add_space(8.0);
     let mut answer = (Next::Stay, None);
     ui.horizontal(|ui| {
         if main_button(ui, "Begin").clicked() {
-            let made = new.recipe(height);
+            let made = new.recipe();
             answer = match desk.told(made) {
-                Some(file) => (Next::Close, Some(Wish::Begin(Box::new(file)))),
+                Some(file) => {
+                    if new.mesh >= meshes.len() {
+                        desk.ask(Action::LoadMesh);
+                    }
+                    (Next::Close, Some(Wish::Begin(Box::new(file))))
+                }
                 None => (Next::Stay, None),
             };
         }
@@ -426,6 +439,13 @@ fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, O
         }
     });
     answer
+}
+
+/// The surface's width over its height on a built-in mesh, to three digits; 1 for any other.
+fn aspect_of(mesh: usize) -> f64 {
+    let name = super::viewport::MESHES.get(mesh);
+    let mesh = name.and_then(|name| anisomap::mesh::builtin(name));
+    mesh.map_or(1.0, |m| f64::from((m.aspect * 1000.0).round()) / 1000.0)
 }
 
 impl NewDocument {
@@ -443,7 +463,7 @@ impl NewDocument {
     }
 
     /// A plain satin ground with a paint layer on it.
-    fn recipe(&self, height: u32) -> Result<RecipeFile, Error> {
+    fn recipe(&self) -> Result<RecipeFile, Error> {
         use anisomap::paint::Strokes;
         use anisomap::recipe::{Layer, Source};
         use anisomap::studio::parameters::default_pattern;
@@ -457,8 +477,12 @@ impl NewDocument {
         };
         let recipe = Recipe {
             name: "untitled".to_owned(),
-            size: Size::new(self.side, height)?,
-            mesh: Some(super::viewport::MESHES[self.mesh].to_owned()),
+            size: Size::new(self.side, self.side)?,
+            // Texels are square in number, as engines like them, and on the surface what the mesh makes of them.
+            aspect: Some(self.aspect as f32).filter(|a| *a != 1.0),
+            mesh: super::viewport::MESHES
+                .get(self.mesh)
+                .map(|m| (*m).to_owned()),
             layers: vec![ground, paint],
             ..Recipe::default()
         };

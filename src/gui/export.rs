@@ -1,9 +1,8 @@
 //! The export dialog, and the thread that writes the files.
 
 use super::desk::Desk;
-use super::machine::too_large;
 use super::messages::count;
-use super::properties::{bytes_text, memory};
+use super::properties::{bytes_text, memory, too_large};
 use super::theme::Palette;
 use super::widgets::caption;
 use super::work::{Now, Reins, Work};
@@ -180,14 +179,14 @@ impl ExportDialog {
             .selected_text(self.size.to_string())
             .show_ui(ui, |ui| {
                 for size in sizes(own) {
-                    let text = format!("{size}  ({})", memory([size.width(), size.height()]));
+                    let text = format!("{size}  ({})", memory(desk.studio.recipe(), size));
                     ui.selectable_value(&mut self.size, size, text);
                 }
             })
             .response
             .accessible_name("Size of the files in texels")
             .on_hover_text("The map is made anew at this size: nothing gets blurred.");
-        if let Some(much) = too_large(self.size) {
+        if let Some(much) = too_large(desk.studio.recipe(), self.size) {
             ui.add(egui::Label::new(RichText::new(much).color(palette.warning)).wrap());
         }
         caption(ui, "Folder and name");

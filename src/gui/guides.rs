@@ -575,7 +575,7 @@ fn give_widths(desk: &mut Desk) {
     };
     lay_widths(&mut guides, true);
     set(desk, at, guides);
-    desk.edit_head(at, "Channels", None, |h| h.channels = Channels::ALL);
+    desk.edit_head(at, "Channels", |h| h.channels = Channels::ALL);
     desk.studio.seal();
 }
 

@@ -182,7 +182,6 @@ impl LayersPanel {
                 } else {
                     "Show layer"
                 },
-                None,
                 |h| h.visible = !h.visible,
             );
         }

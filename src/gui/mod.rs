@@ -13,7 +13,6 @@ mod import;
 mod intake;
 mod keys;
 mod layers;
-mod machine;
 mod messages;
 mod overlay;
 mod presets;

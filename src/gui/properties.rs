@@ -1,17 +1,16 @@
 //! The panel under the layers: the brush, the selected layer, the document, the history.
 
 use super::desk::{Desk, Large, LargeThing, Redraw};
-use super::machine::too_large;
 use super::theme::Palette;
 use super::tools::{brush_panel, shown};
 use super::widgets::{Bar, body, caption, choices, left_label};
 use anisomap::guide::Guides;
 use anisomap::map::{Size, Wrap};
 use anisomap::pattern::Pattern;
-use anisomap::recipe::{Mask, MaskSource, Material, SEED_MAX, Source};
+use anisomap::recipe::{Mask, MaskSource, Material, Recipe, SEED_MAX, Source};
 use anisomap::studio::action::Action;
 use anisomap::studio::parameters::{Setting, default_pattern, rows, with_value};
-use anisomap::studio::{Header, LayerHead};
+use anisomap::studio::{Header, LayerHead, bytes_free, bytes_needed, memory_warning};
 use eframe::egui::{self, Ui, vec2};
 
 /// The leaves of the panel.
@@ -244,7 +243,11 @@ fn pattern_rows(ui: &mut Ui, desk: &mut Desk, pattern: &Pattern) -> Option<(Patt
             Setting::Word { ref value, words } => word_row(ui, &row.name, value, words),
             Setting::Flag(flag) => {
                 let mut now = flag;
-                let changed = ui.checkbox(&mut now, &row.name).changed();
+                let tip = format!("In the recipe: {}", row.key);
+                let changed = ui
+                    .checkbox(&mut now, &row.name)
+                    .on_hover_text(tip)
+                    .changed();
                 seal(desk, changed);
                 changed.then_some(toml::Value::Boolean(now))
             }
@@ -449,7 +452,7 @@ fn document_panel(ui: &mut Ui, desk: &mut Desk) {
     let before = Header::of(desk.studio.recipe());
     let mut header = before.clone();
     let mut finished = false;
-    size_rows(ui, &mut header);
+    size_rows(ui, desk, &mut header);
     caption(ui, "Beyond the edge");
     let wraps = [Wrap::Repeat, Wrap::RepeatU, Wrap::Clamp];
     let now = wraps.iter().position(|w| *w == header.wrap).unwrap_or(0);
@@ -505,7 +508,8 @@ fn document_panel(ui: &mut Ui, desk: &mut Desk) {
     let resized = Size::new(width, height)
         .ok()
         .filter(|_| header.size != before.size);
-    if let Some(warning) = resized.and_then(too_large) {
+    let warning = resized.and_then(|size| too_large(desk.studio.recipe(), size));
+    if let Some(warning) = warning {
         let what = LargeThing::Header(Box::new(header));
         desk.large = Some(Large { warning, what });
     } else if header != before {
@@ -516,7 +520,11 @@ fn document_panel(ui: &mut Ui, desk: &mut Desk) {
     seal(desk, finished);
 }
 
-fn size_rows(ui: &mut Ui, header: &mut Header) {
+fn size_rows(ui: &mut Ui, desk: &Desk, header: &mut Header) {
+    let recipe = desk.studio.recipe();
+    let takes = |[w, h]: [u32; 2]| {
+        Size::new(w, h).map_or_else(|_| String::new(), |size| memory(recipe, size))
+    };
     caption(ui, "Size in texels");
     ui.horizontal(|ui| {
         let [w, h] = header.size;
@@ -529,7 +537,7 @@ fn size_rows(ui: &mut Ui, header: &mut Header) {
                         side,
                         (u64::from(side) * u64::from(h) / u64::from(w)).clamp(1, 16384) as u32,
                     ];
-                    let text = format!("{} x {}  ({})", size[0], size[1], memory(size));
+                    let text = format!("{} x {}  ({})", size[0], size[1], takes(size));
                     if ui.selectable_label(size == header.size, text).clicked() {
                         header.size = size;
                     }
@@ -540,7 +548,7 @@ fn size_rows(ui: &mut Ui, header: &mut Header) {
             .on_hover_text(
                 "The map's size. Patterns and strokes are drawn anew: nothing gets blurred.",
             );
-        ui.label(egui::RichText::new(memory(header.size)).color(Palette::of(ui).weak));
+        ui.label(egui::RichText::new(takes(header.size)).color(Palette::of(ui).weak));
     });
     let ratio = f64::from(header.size[0]) / f64::from(header.size[1]);
     let mut own = header.aspect.is_some();
@@ -560,17 +568,26 @@ fn size_rows(ui: &mut Ui, header: &mut Header) {
             *aspect = value as f32;
         }
     }
+    let mesh = desk.studio.mesh();
+    let wanted = (mesh.aspect * 1000.0).round() / 1000.0;
+    let now = header.aspect.unwrap_or(ratio as f32);
+    if (now / wanted - 1.0).abs() > 0.01 {
+        let text = format!("As the {}: {wanted}", mesh.name);
+        let tip = "Gives the map the width over height that it has on the mesh, so that strokes keep their shape there.";
+        if ui.button(text).on_hover_text(tip).clicked() {
+            header.aspect = Some(wanted);
+        }
+    }
 }
 
-/// About what a map of a size takes while it is worked on.
-pub(crate) fn memory(size: [u32; 2]) -> String {
-    bytes_text(bytes_needed(size))
+/// About what a recipe's map of a size takes while it is worked on.
+pub(crate) fn memory(recipe: &Recipe, size: Size) -> String {
+    bytes_text(bytes_needed(recipe, size))
 }
 
-/// About what a map of a size takes while it is worked on, bytes.
-pub(crate) fn bytes_needed(size: [u32; 2]) -> u64 {
-    // Four planes of the map, their copy for drawing, levels, and the layers' caches.
-    u64::from(size[0]) * u64::from(size[1]) * 72
+/// What is to be said before a recipe's map is made at a size; `None` where there is room for it.
+pub(crate) fn too_large(recipe: &Recipe, size: Size) -> Option<String> {
+    memory_warning(recipe, size, bytes_free())
 }
 
 /// Bytes as people read them.
@@ -645,10 +662,6 @@ fn history_panel(ui: &mut Ui, desk: &mut Desk) {
     let (undone, redone) = desk.studio.history().labels();
     let undone: Vec<String> = undone.map(sentence).collect();
     let redone: Vec<String> = redone.map(sentence).collect();
-    if undone.is_empty() && redone.is_empty() {
-        ui.label(egui::RichText::new("Nothing was changed yet.").color(Palette::of(ui).weak));
-        return;
-    }
     ui.label(
         egui::RichText::new(format!(
             "{}: {}    {}: {}",
@@ -661,8 +674,8 @@ fn history_panel(ui: &mut Ui, desk: &mut Desk) {
         .color(Palette::of(ui).weak),
     );
     let (mut back, mut forth) = (0, 0);
-    // The latest on top: what was taken back above it, in the order in which it would be done again.
-    for (i, label) in redone.iter().enumerate() {
+    // The latest on top: what was taken back last is done again first.
+    for (i, label) in redone.iter().enumerate().rev() {
         let text = egui::RichText::new(label)
             .color(Palette::of(ui).weak)
             .italics();
@@ -671,7 +684,7 @@ fn history_panel(ui: &mut Ui, desk: &mut Desk) {
             .on_hover_text("Does everything up to here again.")
             .clicked()
         {
-            forth = redone.len() - i;
+            forth = i + 1;
         }
     }
     for (i, label) in undone.iter().rev().enumerate() {
@@ -682,6 +695,21 @@ fn history_panel(ui: &mut Ui, desk: &mut Desk) {
         {
             back = i;
         }
+    }
+    let (first, tip) = if desk.studio.history().is_whole() {
+        (
+            "Opened",
+            "Takes everything back, to the document as it was opened.",
+        )
+    } else {
+        (
+            "Oldest step that is kept",
+            "Takes back everything that is kept; the memory for undo is set in Edit > Settings.",
+        )
+    };
+    let begins = ui.selectable_label(undone.is_empty(), first);
+    if begins.on_hover_text(tip).clicked() {
+        back = undone.len();
     }
     for _ in 0..back {
         let done = desk.studio.undo();

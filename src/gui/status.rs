@@ -14,14 +14,24 @@ pub(crate) fn show(ui: &mut Ui, desk: &Desk, zoom: f64, probe: Option<&Probe>) {
         ui.label(RichText::new(text).font(font).color(colour))
             .on_hover_text(tip);
     };
-    let map = desk.studio.map().size();
+    let (size, shown) = (desk.studio.recipe().size, desk.studio.map().size());
     text(
         ui,
-        format!("{} x {}", map.width(), map.height()),
+        format!("{} x {}", size.width(), size.height()),
         palette.weak,
         "Size of the map in texels.",
     );
-    let zoom = zoom * 100.0;
+    if desk.studio.is_draft() {
+        text(
+            ui,
+            "draft".to_owned(),
+            palette.accent,
+            "A smaller map is shown, and can be painted on, until the whole one is made.",
+        );
+    }
+    // In texels of the map that is to be, whatever stands in for it.
+    let part = f64::from(shown.height()) / f64::from(size.height());
+    let zoom = zoom * 100.0 * part;
     let zoom = if zoom < 10.0 {
         format!("{zoom:.1}%")
     } else {
@@ -33,11 +43,12 @@ pub(crate) fn show(ui: &mut Ui, desk: &Desk, zoom: f64, probe: Option<&Probe>) {
         palette.weak,
         "Zoom of the canvas: 100% is one texel on one pixel.",
     );
+    let whole = |texel: u32| (f64::from(texel) / part).floor() as u32;
     match probe {
         Some(p) => {
             text(
                 ui,
-                format!("({:>4}, {:>4})", p.texel.x, p.texel.y),
+                format!("({:>4}, {:>4})", whole(p.texel.x), whole(p.texel.y)),
                 palette.weak,
                 "Column and row of the texel under the pointer.",
             );

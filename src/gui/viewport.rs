@@ -97,6 +97,7 @@ impl ViewportPane {
             ui.painter().image(texture.id(), rect, uv, Color32::WHITE);
         }
         self.captions(ui, desk, rect);
+        self.linked(ui, desk);
         self.cursor(ui, &response, desk);
     }
 
@@ -218,7 +219,7 @@ impl ViewportPane {
         Vec2::new(from.x, from.y)
     }
 
-    fn look_under_pointer(&mut self, ui: &Ui, response: &Response, desk: &Desk) {
+    fn look_under_pointer(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) {
         if desk.news.new_map {
             self.unit = None;
         }
@@ -228,6 +229,22 @@ impl ViewportPane {
             self.hit = desk.studio.pick(self.pixel(ui, pointer));
             let uv = self.hit.map(|h| h.uv.as_dvec2());
             self.probe = uv.and_then(|uv| Probe::at(desk.studio.map(), uv));
+        }
+        let here = self.hit.map(|h| h.uv - h.uv.floor());
+        if desk.on_mesh != here {
+            desk.on_mesh = here;
+            ui.ctx().request_repaint(); // the canvas was drawn before
+        }
+    }
+
+    /// What the pointer over the canvas points at, where the mesh shows it.
+    fn linked(&self, ui: &Ui, desk: &Desk) {
+        let Some(uv) = desk.on_map else { return };
+        let painter = ui.painter_at(self.rect);
+        for place in desk.studio.seen_at(uv) {
+            let at = self.rect.min + vec2(place.x, place.y) / ui.pixels_per_point();
+            ring(&painter, at, 5.0, 1.0);
+            painter.circle_filled(at, 1.5, Color32::WHITE);
         }
     }
 
@@ -555,7 +572,7 @@ fn difference_legend(painter: &egui::Painter, corner: Pos2, measure: Measure, sc
         Color32::from_rgb(0xe8, 0xe9, 0xea),
         egui::FontId::proportional(11.0),
     );
-    let title = "\u{394}E (CIE 1976): 1 can just be seen";
+    let title = format!("\u{394}E (CIE 1976) up to {scale}: 1 can just be seen");
     let at = ground.left_top() + vec2(10.0, 5.0);
     painter.text(at, Align2::LEFT_TOP, title, font.clone(), ink);
     let bar = Rect::from_min_size(ground.left_top() + vec2(16.0, 24.0), vec2(width, high));

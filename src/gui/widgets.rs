@@ -305,11 +305,21 @@ impl<'a> Bar<'a> {
             label,
             palette.text,
         );
-        painter.galley(
-            pos2(rect.right() - 7.0 - number.size().x, top(number.size().y)),
-            number,
-            palette.text,
-        );
+        let at = pos2(rect.right() - 7.0 - number.size().x, top(number.size().y));
+        if response.hovered() && !response.dragged() {
+            // A field to type into, as far as the hand is near.
+            let field = Rect::from_min_size(at, number.size()).expand2(vec2(4.0, 1.0));
+            painter.rect_filled(field, CornerRadius::same(2), palette.track);
+            let line = Stroke::new(1.0, palette.accent);
+            painter.hline(field.x_range(), field.bottom(), line);
+            let over = ui.input(|i| i.pointer.hover_pos().is_some_and(|p| p.x > field.left()));
+            ui.ctx().set_cursor_icon(if over {
+                egui::CursorIcon::Text
+            } else {
+                egui::CursorIcon::ResizeHorizontal
+            });
+        }
+        painter.galley(at, number, palette.text);
     }
 }
 
@@ -399,6 +409,7 @@ fn choice(ui: &mut Ui, name: &str, word: &str, chosen: bool, width: f32) -> Resp
     response.widget_info(|| {
         WidgetInfo::selected(Role::RadioButton, true, chosen, format!("{name} {word}"))
     });
+    let response = response.on_hover_text(format!("{name}: {}", word.to_lowercase()));
     let palette = Palette::of(ui);
     let fill = if chosen {
         palette.accent_ground

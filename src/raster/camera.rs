@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::map::Size;
 use crate::math;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// The near plane's distance as a fraction of the distance to the target. Depth is kept as 1/distance, so a near plane this
@@ -201,6 +201,14 @@ impl View {
         } else {
             ((self.eye + aside).as_vec3(), (-back).as_vec3())
         }
+    }
+
+    /// The place of the picture where a point stands, in samples from the upper left corner: the way back of [`View::ray_at`].
+    /// `None` for one that is not before the eye.
+    pub fn place(&self, point: Vec3) -> Option<Vec2> {
+        let vertex = self.project(point)?;
+        let place = vertex.h.truncate() / vertex.h.z;
+        (vertex.distance > self.near && place.is_finite()).then(|| place.as_vec2())
     }
 
     /// Distance of the plane that everything nearer is cut off at.

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 /// One step: edits that were made together.
 #[derive(Clone, Debug)]
 pub struct Step {
-    /// What the user did: `Groove stroke`, `Opacity of brushed`.
+    /// What the user did, and to what: `Groove stroke: paint`, `Opacity: brushed`.
     pub label: String,
     /// What takes it back (or does it again), in the order in which it is applied.
     pub edits: Vec<Edit>,
@@ -36,6 +36,8 @@ pub struct History {
     bytes: usize,
     /// The most bytes that steps may hold before the oldest is forgotten.
     budget: usize,
+    /// Whether steps were forgotten: what is taken back by all that are left is not the document as it was opened.
+    forgot: bool,
 }
 
 impl History {
@@ -46,6 +48,7 @@ impl History {
             redo: Vec::new(),
             bytes: 0,
             budget,
+            forgot: false,
         }
     }
 
@@ -113,6 +116,11 @@ impl History {
         (self.undo.len(), self.redo.len())
     }
 
+    /// Whether every step since the beginning can be taken back: none was forgotten for want of memory.
+    pub fn is_whole(&self) -> bool {
+        !self.forgot
+    }
+
     /// Bytes that it holds, about.
     pub fn bytes(&self) -> usize {
         self.bytes
@@ -128,6 +136,7 @@ impl History {
         while self.bytes > self.budget && self.undo.len() > 1 {
             if let Some(oldest) = self.undo.pop_front() {
                 self.bytes -= oldest.bytes;
+                self.forgot = true;
             }
         }
     }
@@ -163,6 +172,7 @@ mod tests {
         }
         let labels: Vec<_> = history.labels().0.map(str::to_owned).collect();
         assert_eq!(labels, ["b", "c", "d"]);
+        assert!(!history.is_whole());
         history.set_budget(0);
         assert_eq!(history.len(), (1, 0));
     }

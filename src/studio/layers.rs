@@ -22,6 +22,13 @@ pub fn free_name(recipe: &Recipe, base: &str) -> String {
         .expect("there are fewer layers than numbers")
 }
 
+/// What the history calls a step: what was done, and to which layer.
+pub(super) fn label(what: &str, layer: &str) -> String {
+    let mut letters = what.chars();
+    let first = letters.next().map(|c| c.to_uppercase().to_string());
+    format!("{}{}: {layer}", first.unwrap_or_default(), letters.as_str())
+}
+
 /// What changes of a layer's source have in common that are one step.
 fn source_key(label: &str, at: usize) -> String {
     format!("{label} {at}")
@@ -35,7 +42,7 @@ impl Studio {
     pub fn add_layer(&mut self, mut layer: Layer) -> Result<()> {
         layer.name = free_name(self.recipe(), layer.name());
         let at = (self.selected() + 1).min(self.recipe().layers.len());
-        let label = format!("Add {}", layer.name());
+        let label = label("Add layer", layer.name());
         let layer = Box::new(layer);
         self.edit(&label, vec![Edit::InsertLayer { at, layer }], None)?;
         self.select(at);
@@ -50,7 +57,7 @@ impl Studio {
     pub fn add_growing_layer(&mut self, mut layer: Layer, label: &str) -> Result<()> {
         layer.name = free_name(self.recipe(), layer.name());
         let at = (self.selected() + 1).min(self.recipe().layers.len());
-        let text = format!("Add {}", layer.name());
+        let text = self::label("Add layer", layer.name());
         let layer = Box::new(layer);
         let edits = vec![Edit::InsertLayer { at, layer }];
         self.edit(&text, edits, Some(&source_key(label, at)))?;
@@ -74,7 +81,7 @@ impl Studio {
     /// When there is no such layer, or no room for one more.
     pub fn duplicate_layer(&mut self, at: usize) -> Result<()> {
         let mut layer = self.layer(at)?.clone();
-        let label = format!("Duplicate {}", layer.name());
+        let label = label("Duplicate layer", layer.name());
         // A layer's randomness follows its name: the copy looks as the original does.
         layer.seed_of = Some(layer.random_name().to_owned());
         layer.name = free_name(self.recipe(), layer.name());
@@ -90,7 +97,7 @@ impl Studio {
     /// # Errors
     /// When there is no such layer.
     pub fn remove_layer(&mut self, at: usize) -> Result<()> {
-        let label = format!("Delete {}", self.layer(at)?.name());
+        let label = label("Delete layer", self.layer(at)?.name());
         self.edit(&label, vec![Edit::RemoveLayer { at }], None)
     }
 
@@ -102,7 +109,7 @@ impl Studio {
         if from == to {
             return Ok(());
         }
-        let label = format!("Move {}", self.layer(from)?.name());
+        let label = label("Move layer", self.layer(from)?.name());
         self.edit(&label, vec![Edit::MoveLayer { from, to }], None)
     }
 
@@ -122,7 +129,7 @@ impl Studio {
             seed_of: (random != name).then(|| random.to_owned()),
             ..LayerHead::of(layer)
         };
-        self.set_head(at, "Rename", head)
+        self.set_head(at, "Rename layer", head)
     }
 
     /// Changes what a layer has beside its source. Changes that follow each other with one label are one step until
@@ -135,10 +142,7 @@ impl Studio {
         if LayerHead::of(layer) == head {
             return Ok(());
         }
-        let (label, key) = (
-            format!("{label} of {}", layer.name()),
-            format!("{label} {at}"),
-        );
+        let (label, key) = (self::label(label, layer.name()), format!("{label} {at}"));
         let head = Box::new(head);
         self.edit(&label, vec![Edit::SetHead { at, head }], Some(&key))
     }
@@ -152,10 +156,7 @@ impl Studio {
         if layer.source == source {
             return Ok(());
         }
-        let (text, key) = (
-            format!("{label} of {}", layer.name()),
-            source_key(label, at),
-        );
+        let (text, key) = (self::label(label, layer.name()), source_key(label, at));
         // Where a layer touches what its source does by itself, it goes on to do so.
         let channels = if layer.channels == layer.source.channels() {
             source.channels()
@@ -227,7 +228,7 @@ impl Studio {
             mask: Some(mask),
             ..LayerHead::of(self.layer(at)?)
         };
-        self.set_head(at, "Painted mask", head)?;
+        self.set_head(at, "Mask", head)?;
         self.seal();
         self.select(at);
         self.select_mask(true);
@@ -271,7 +272,7 @@ impl Studio {
             }
             both.mesh = above.mesh;
         }
-        let label = format!("Merge {} into {}", upper.name(), lower.name());
+        let label = format!("Merge layer: {} into {}", upper.name(), lower.name());
         both.strokes.extend(above.strokes);
         let layer = Box::new(Layer {
             source: Source::Strokes(both),

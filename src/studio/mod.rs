@@ -20,6 +20,7 @@ mod history;
 mod journal;
 mod keeper;
 mod layers;
+mod locate;
 mod memory;
 mod paths;
 mod pick;
@@ -32,6 +33,7 @@ pub use edit::{Edit, Header, LayerHead, Touched};
 pub use history::{History, Step};
 pub use journal::{Base, Journal, LeftBehind, left_behind};
 pub use layers::free_name;
+use layers::label;
 pub use memory::{bytes_free, bytes_needed, memory_warning};
 pub use pick::{Hit, pick};
 pub use viewport::{Quality, Show, Viewport};
@@ -832,7 +834,8 @@ impl Studio {
         let (layer, mask) = self.canvas.active().expect("it was painted on");
         let on = if mask { " on the mask" } else { "" };
         let tool = stroke.brush().tool.name().replace('_', " ");
-        let label = format!("{tool} stroke{on}");
+        let name = self.recipe().layers.get(layer).map_or("", |l| l.name());
+        let label = label(&format!("{tool} stroke{on}"), name);
         let mut edits = Vec::new();
         if stroke.is_on_mesh() && self.recipe().mesh.is_none() {
             // Strokes on a mesh mean nothing without its name.

@@ -771,3 +771,106 @@ fn what_has_no_room_in_a_narrow_3d_strip_is_in_its_menu() {
     let show = window.state().desk.studio.viewport().show();
     assert!(matches!(show, anisomap::studio::Show::Pair(..)), "{show:?}");
 }
+
+#[test]
+fn a_new_document_has_the_aspect_of_its_mesh() {
+    let (mut window, _folder) = window();
+    press(&mut window, "Ctrl+N");
+    for (mesh, aspect) in [("Cylinder", 3.142), ("Torus", 2.381)] {
+        window
+            .get_by_role_and_label(Role::RadioButton, &format!("Mesh {mesh}"))
+            .click();
+        window.run_steps(2);
+        let shown = texts(&window);
+        let wanted = format!("{aspect:.2}");
+        assert!(shown.iter().any(|t| *t == wanted), "{mesh}: {shown:?}");
+    }
+    button(&window, "Begin");
+    window.run_steps(3);
+    settle(&mut window);
+    let recipe = window.state().desk.studio.recipe();
+    assert_eq!(recipe.aspect, Some(2.381));
+    assert_eq!(recipe.mesh.as_deref(), Some("torus"));
+    press(&mut window, "Ctrl+N");
+    window
+        .get_by_role_and_label(Role::RadioButton, "Mesh Own\u{2026}")
+        .click();
+    window.run_steps(2);
+    button(&window, "Begin");
+    window.run_steps(3);
+    assert!(
+        matches!(window.state().dialog, Some(Dialog::File(_))),
+        "the mesh is asked for"
+    );
+}
+
+#[test]
+fn the_history_goes_back_to_the_document_as_it_was_opened() {
+    let (mut window, _folder) = window();
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    press(&mut window, "H");
+    press(&mut window, "Ctrl+J");
+    settle(&mut window);
+    press(&mut window, "Ctrl+H");
+    window.step();
+    let shown = texts(&window);
+    for wanted in [
+        "Groove stroke: paint",
+        "Hide layer: paint",
+        "Duplicate layer: paint",
+        "Opened",
+    ] {
+        assert!(shown.iter().any(|t| t == wanted), "{wanted}: {shown:?}");
+    }
+    button(&window, "Opened");
+    window.run_steps(2);
+    settle(&mut window);
+    assert_eq!(strokes(&window), 0);
+    assert_eq!(window.state().desk.studio.history().len(), (0, 3));
+    button(&window, "Duplicate layer: paint");
+    window.run_steps(2);
+    assert_eq!(window.state().desk.studio.history().len(), (3, 0));
+}
+
+#[test]
+fn both_pictures_share_the_pointer() {
+    let (mut window, _folder) = window();
+    let canvas = window.get_by_label("Paint canvas").rect();
+    let view = window.get_by_role_and_label(Role::Canvas, "3D view").rect();
+    // On the front of the torus, and not in its hole.
+    window.hover_at(view.lerp_inside(vec2(0.5, 0.68)));
+    window.run_steps(3);
+    let uv = window.state().desk.on_mesh.expect("the mesh is under it");
+    assert_eq!(window.state().desk.on_map, None);
+    // The same place of the map is seen where the pointer was.
+    let places = window.state().desk.studio.seen_at(uv);
+    let at = view.lerp_inside(vec2(0.5, 0.68)) - view.min;
+    assert!(
+        places.iter().any(|p| (p.x - at.x).hypot(p.y - at.y) < 2.0),
+        "{places:?}, and not {at:?}"
+    );
+    window.hover_at(canvas.center());
+    window.run_steps(3);
+    assert_eq!(window.state().desk.on_mesh, None);
+    let uv = window.state().desk.on_map.expect("the map is under it");
+    assert!(
+        (uv.x - 0.5).abs() < 0.02 && (uv.y - 0.5).abs() < 0.02,
+        "{uv}"
+    );
+}
+
+#[test]
+fn a_click_on_a_bar_types_its_number() {
+    let (mut window, _folder) = window();
+    let size = window.get_by_role_and_label(Role::Slider, "Size").rect();
+    window.drag_at(size.center());
+    window.step();
+    window.drop_at(size.center());
+    window.run_steps(3);
+    field(&window, "Size").type_text("0.2");
+    window.run_steps(2);
+    press(&mut window, "Enter");
+    window.run_steps(2);
+    let radius = window.state().desk.hand.brush().radius;
+    assert!((radius - 0.1).abs() < 1e-6, "{radius}");
+}

@@ -96,3 +96,40 @@ fn the_keyboard_goes_from_control_to_control_and_comes_back() {
     press(&mut window, "Escape");
     assert_eq!(focused(&window), None);
 }
+
+#[test]
+fn every_list_opens_by_the_hand_by_the_keyboard_and_by_a_screen_reader() {
+    let (mut window, _folder) = window();
+    window.state_mut().properties.leaf = Leaf::Layer;
+    window.run_steps(2);
+    let mask = |w: &mut Window| {
+        let combo = w.get_by_role_and_label(Role::ComboBox, "Mask");
+        combo.scroll_to_me();
+        w.run_steps(4);
+    };
+    let is_open = |w: &Window| w.query_by_label("painted, all hidden").is_some();
+    type Way = fn(&mut Window);
+    let ways: [(&str, Way); 3] = [
+        ("screen reader", |w| {
+            w.get_by_role_and_label(Role::ComboBox, "Mask")
+                .click_accesskit();
+        }),
+        ("hand", |w| {
+            w.get_by_role_and_label(Role::ComboBox, "Mask").click();
+        }),
+        ("keyboard", |w| {
+            w.get_by_role_and_label(Role::ComboBox, "Mask").focus();
+            w.step();
+            press(w, "Enter");
+        }),
+    ];
+    for (way, open) in ways {
+        mask(&mut window);
+        assert!(!is_open(&window), "{way}");
+        open(&mut window);
+        window.run_steps(3);
+        assert!(is_open(&window), "{way}");
+        press(&mut window, "Escape");
+        window.run_steps(3);
+    }
+}
