@@ -370,6 +370,47 @@ fn a_finished_map_is_drawn_on_the_mesh_and_in_the_colours_it_was_made_with() {
 }
 
 #[test]
+fn a_mesh_without_texture_coordinates_is_projected_when_its_word_says_so() {
+    let desk = Desk::new();
+    desk.write(
+        "bare.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+    );
+    let brushed = "[[layers]]\n[layers.brushed]\n";
+    desk.write(
+        "bare.toml",
+        &format!("version = 1\nmesh = 'bare.obj'\n{brushed}"),
+    );
+    desk.write(
+        "laid.toml",
+        &format!("version = 1\nmesh = 'bare.obj#box'\n{brushed}"),
+    );
+    let end = desk.run("preview bare.toml -o p.png --size 16");
+    assert_eq!(end.code, 2);
+    assert!(
+        end.err.contains("bare.obj") && end.err.contains("#box"),
+        "{}",
+        end.err
+    );
+    desk.works("preview laid.toml -o p.png --size 16");
+    desk.works("preview pot --mesh bare.obj#box -o p.png --size 16");
+    desk.works("generate laid.toml -o m --size 64 --formats glb,exr");
+    // The mesh goes out with its new coordinates, and the recipe beside it still says how they are made.
+    let laid = anisomap::mesh::open(&desk.path("bare.obj#box").display().to_string()).unwrap();
+    let out = anisomap::mesh::load(&desk.path("m/laid.glb")).unwrap();
+    assert_eq!(out.triangles.len(), 4);
+    for (a, b) in laid.triangles.iter().zip(&out.triangles) {
+        for (a, b) in a.iter().zip(b) {
+            let [a, b] = [laid.uvs[*a as usize], out.uvs[*b as usize]];
+            assert!((a.x - b.x).abs() + (a.y - b.y).abs() < 1e-6);
+        }
+    }
+    let copy = fs::read_to_string(desk.path("m/laid.toml")).unwrap();
+    assert!(copy.contains("../bare.obj#box"), "{copy}");
+    desk.works("preview m/laid.toml -o p.png --size 16 --allow-outside");
+}
+
+#[test]
 fn inspect_ends_with_1_when_something_is_wrong() {
     use exr::prelude::*;
     let desk = Desk::new();

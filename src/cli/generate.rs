@@ -12,7 +12,7 @@ use anisomap::export::png::{Depth, write_picture, write_set};
 use anisomap::export::{Export, Written, beside, write_atomic};
 use anisomap::import::gltf::read_gltf;
 use anisomap::map::{AnisoMap, Mended, Size};
-use anisomap::mesh::Mesh;
+use anisomap::mesh::{Mesh, Projection};
 use anisomap::preview::{Timings, panel_size};
 use anisomap::recipe::{RecipeFile, Target, seen_from};
 use serde::Serialize;
@@ -280,7 +280,9 @@ impl Job {
         let mut used = self.file.moved(&self.folder)?;
         if let Some(word) = &self.mesh {
             let word = if word.contains(['/', '\\', '.']) {
-                seen_from(&self.folder, Path::new(word))?
+                let (file, projection) = Projection::split(word);
+                let file = seen_from(&self.folder, Path::new(file))?;
+                Projection::join(&file, projection)
             } else {
                 word.clone()
             };

@@ -78,30 +78,9 @@ pub(super) fn info(recipe: &Recipe, mesh: Option<String>) -> MapInfo {
 pub(super) fn mesh(named: Option<&str>, file: &RecipeFile, files: &Files) -> Result<Mesh> {
     match (named, file.recipe().mesh.as_deref()) {
         (Some(word), _) => mesh::open(word),
-        (None, Some(word)) => named_mesh(word, files).map_err(|e| file.explain(e)),
+        (None, Some(word)) => files.mesh("mesh", word).map_err(|e| file.explain(e)),
         (None, None) => mesh::open(MESH),
     }
-}
-
-/// The mesh that a recipe or map names.
-fn named_mesh(word: &str, files: &Files) -> Result<Mesh> {
-    if word.contains(['/', '\\', '.']) {
-        return mesh::load(&files.resolve("mesh", word)?);
-    }
-    mesh::open(word).map_err(|error| match error {
-        Error::Invalid {
-            value,
-            allowed,
-            hint,
-            ..
-        } => Error::Invalid {
-            what: "mesh".to_owned(),
-            value,
-            allowed,
-            hint,
-        },
-        other => other,
-    })
 }
 
 /// A map and where it came from.
@@ -130,7 +109,7 @@ impl Source {
             .is_some_and(|e| e.eq_ignore_ascii_case("exr"));
         let own = match &self.info.mesh {
             _ if !is_exr => mesh::load(path),
-            Some(word) => named_mesh(word, files),
+            Some(word) => files.mesh("mesh", word),
             None => mesh::open(MESH),
         };
         own.or_else(|error| {

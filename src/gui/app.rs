@@ -33,6 +33,10 @@ use eframe::egui::{
     ViewportCommand, pos2, vec2,
 };
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// How long the pen may be kept waiting for its layer, before its stroke is painted later.
+const PATIENCE: Duration = Duration::from_millis(20);
 
 /// The window.
 pub(crate) struct App {
@@ -121,6 +125,7 @@ impl App {
         let options = Options {
             journals: folders.as_ref().map(|f| f.recovery.clone()),
             undo_bytes: settings.undo_bytes(),
+            patience: PATIENCE,
         };
         let mut large = None;
         let (file, path) = if let Some(warning) = too_large(file.recipe(), file.recipe().size) {
@@ -851,6 +856,7 @@ impl App {
                 self.desk.told(done);
                 self.desk.studio.seal();
             }
+            Wish::Large(LargeThing::Mesh(path)) => self.take_in_if(ctx, Part::Mesh, &path, true),
             Wish::EditKeys => self.edit_keys(),
         }
     }
@@ -1015,6 +1021,7 @@ impl App {
         Options {
             journals: self.desk.folders.as_ref().map(|f| f.recovery.clone()),
             undo_bytes: self.desk.settings.undo_bytes(),
+            patience: PATIENCE,
         }
     }
 
@@ -1053,6 +1060,11 @@ impl App {
 
     /// A mesh or a map from a file. It lies beside the recipe from then on: a recipe without a file is saved first.
     fn take_in(&mut self, ctx: &Context, part: Part, path: &Path) {
+        self.take_in_if(ctx, part, path, false);
+    }
+
+    /// The same, even a mesh that takes much memory where that is wanted.
+    fn take_in_if(&mut self, ctx: &Context, part: Part, path: &Path, even_if_large: bool) {
         if self.desk.studio.document().is_read_only() {
             tell_read_only(&mut self.desk);
             return;
@@ -1065,7 +1077,7 @@ impl App {
             self.ask_where_to_save(Purpose::SaveThen);
             return;
         };
-        let begun = Intake::begin(part, path, &folder, ctx);
+        let begun = Intake::begin(part, path, &folder, even_if_large, ctx);
         self.intake = self.desk.told(begun);
     }
 
@@ -1089,11 +1101,12 @@ impl App {
             return; // what came may have to ask, too
         }
         let Some(taken) = intake.now() else {
-            ctx.request_repaint_after(std::time::Duration::from_millis(80));
+            ctx.request_repaint_after(Duration::from_millis(80));
             let name = intake.path.file_name().unwrap_or_default();
             self.desk.reading = Some(format!("reading {}", name.to_string_lossy()));
             return;
         };
+        let path = intake.path.clone();
         self.intake = None;
         self.desk.reading = None;
         let Some((taken, news)) = self.desk.told(taken) else {
@@ -1103,7 +1116,15 @@ impl App {
             self.desk.messages.news(news);
         }
         match taken {
-            Taken::Mesh(file) => set_mesh(&mut self.desk, &file),
+            Taken::Mesh { file, body } => {
+                self.desk.studio.know_mesh(&file, body);
+                set_mesh(&mut self.desk, &file);
+            }
+            Taken::NoUvs => self.dialog = Some(Dialog::NoUvs(path)),
+            Taken::Large(warning) => {
+                let what = LargeThing::Mesh(path);
+                self.dialog = Some(Dialog::Large(Large { warning, what }));
+            }
             Taken::Textures(seen) => {
                 self.dialog = Some(Dialog::Import(Box::new(ImportDialog::new(seen))));
             }

@@ -363,11 +363,12 @@ impl CanvasPane {
         pixels as f32 / ui.pixels_per_point()
     }
 
-    fn draw(&mut self, ui: &Ui, desk: &Desk, camera: Camera2d) {
-        let map = desk.studio.map();
+    fn draw(&mut self, ui: &Ui, desk: &mut Desk, camera: Camera2d) {
         let other = self.averages.is_none() || desk.news.new_map;
+        let made = desk.studio.take_averages().filter(|_| other);
+        let map = desk.studio.map();
         if other {
-            self.averages = Some(Averages::new(map));
+            self.averages = Some(made.unwrap_or_else(|| Averages::new(map)));
             self.drawn = None;
         }
         let averages = self.averages.as_mut().expect("made above");
@@ -738,7 +739,7 @@ impl CanvasPane {
         ui: &Ui,
         painter: &Painter,
         response: &Response,
-        desk: &Desk,
+        desk: &mut Desk,
         camera: Camera2d,
     ) {
         let pointer = response.hover_pos().or(response.interact_pointer_pos());
@@ -747,7 +748,9 @@ impl CanvasPane {
             (None, Some(pointer)) if self.rect.contains(pointer) => (pointer, pointer),
             _ => return,
         };
-        if !desk.hand.kind().paints() {
+        if desk.hand.kind().paints() {
+            desk.studio.expect_stroke(false);
+        } else {
             // The hand on the guides says itself what it would do.
             if desk.hand.kind() == ToolKind::Pick {
                 ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
@@ -993,7 +996,7 @@ impl CanvasPane {
             }
             Kind::Coverage => {
                 self.overlay
-                    .show_coverage(ui, painter, self.rect, desk, camera, map_changed);
+                    .show_coverage(ui, painter, self.rect, desk, camera);
             }
             Kind::Lint => {
                 let busy = self.drawing.is_some();

@@ -45,6 +45,8 @@ pub(crate) enum LargeThing {
     Document(Box<RecipeFile>, Option<PathBuf>),
     /// The document with another size.
     Header(Box<Header>),
+    /// A mesh of many triangles.
+    Mesh(PathBuf),
 }
 
 /// What all parts of the window share.
@@ -163,7 +165,7 @@ impl Desk {
             // What is left of a large change is drawn in the next frames.
             self.redraw = self.redraw.or(Redraw::Sharp);
             ctx.request_repaint();
-        } else if self.working.is_some() {
+        } else if self.working.is_some() || self.studio.is_making_ready() {
             ctx.request_repaint_after(Duration::from_millis(40));
         } else if self.studio.viewport().is_refining() {
             ctx.request_repaint_after(Duration::from_millis(120));

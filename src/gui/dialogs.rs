@@ -13,6 +13,7 @@ use super::theme::{self, Palette};
 use super::widgets::{Bar, caption, choices};
 use anisomap::Error;
 use anisomap::map::Size;
+use anisomap::mesh::Projection;
 use anisomap::recipe::{Preset, Recipe, RecipeFile};
 use anisomap::studio::action::Action;
 use anisomap::studio::orbit;
@@ -53,6 +54,8 @@ pub(crate) enum Dialog {
     Import(Box<ImportDialog>),
     Shortcuts(Help),
     Large(Large),
+    /// A mesh has no texture coordinates.
+    NoUvs(PathBuf),
 }
 
 /// What a dialog asks the window to do.
@@ -114,6 +117,7 @@ impl Dialog {
             Self::Import(_) => "import dialog",
             Self::Shortcuts(_) => "shortcuts dialog",
             Self::Large(_) => "large dialog",
+            Self::NoUvs(_) => "layout dialog",
         }
     }
 
@@ -202,6 +206,7 @@ fn contents(ui: &mut Ui, dialog: &mut Dialog, desk: &mut Desk) -> (Next, Option<
             ImportWish::Close => (Next::Close, None),
             ImportWish::Import(told) => (Next::Close, Some(Wish::Import(told))),
         },
+        Dialog::NoUvs(path) => no_uvs(ui, path),
         Dialog::Presets(browser) => match browser.show(ui) {
             PresetWish::Stay => (Next::Stay, None),
             PresetWish::Close => (Next::Close, None),
@@ -258,6 +263,36 @@ fn changed_on_disk(ui: &mut Ui, path: &Path) -> (Next, Option<Wish>) {
             answer = (Next::Close, Some(Wish::SaveOver(path.to_owned())));
         }
         if ui.button("Cancel").clicked() {
+            answer = (Next::Close, None);
+        }
+    });
+    answer
+}
+
+/// What a mesh without texture coordinates may be given.
+fn no_uvs(ui: &mut Ui, path: &Path) -> (Next, Option<Wish>) {
+    ui.set_width(420.0);
+    ui.heading("The mesh has no texture coordinates");
+    ui.label(format!(
+        "No map can lie on {} as it is. It can be looked at from six sides, and its parts laid beside each other on the map: \
+         then all of it can be painted on, each place alone. The recipe calls it by the file's name with {} after it, and an \
+         exported mesh carries the new coordinates.",
+        path.display(),
+        "#box"
+    ));
+    ui.add_space(8.0);
+    let mut answer = (Next::Stay, None);
+    ui.horizontal(|ui| {
+        let lay = main_button(ui, "Project from six sides");
+        if lay.clicked() {
+            let file = path.to_string_lossy();
+            let word = Projection::join(&file, Some(Projection::Box));
+            let wish = Wish::Chosen(Purpose::Mesh, word.into());
+            answer = (Next::Close, Some(wish));
+        }
+        let cancel = ui.button("Cancel");
+        let tip = "Unwrap it in a modelling program for a layout of your own.";
+        if cancel.on_hover_text(tip).clicked() {
             answer = (Next::Close, None);
         }
     });
@@ -364,6 +399,7 @@ fn ask_for_room(ui: &mut Ui, large: &Large) -> (Next, Option<Wish>) {
     ui.label(match large.what {
         LargeThing::Document(..) => "The document at hand stays open when you cancel.",
         LargeThing::Header(_) => "The document keeps its size when you cancel.",
+        LargeThing::Mesh(_) => "The mesh that is shown stays when you cancel.",
     });
     ui.add_space(8.0);
     let mut answer = (Next::Stay, None);

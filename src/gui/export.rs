@@ -355,10 +355,7 @@ fn mesh_of(recipe: &Recipe, files: &Files) -> Result<Mesh, Error> {
         .mesh
         .as_deref()
         .unwrap_or(anisomap::studio::DEFAULT_MESH);
-    match mesh::builtin(word) {
-        Some(mesh) => Ok(mesh),
-        None => mesh::load(&files.resolve("mesh", word)?),
-    }
+    files.mesh("mesh", word)
 }
 
 fn info(recipe: &Recipe, stem: &str) -> MapInfo {

@@ -12,15 +12,16 @@ use anisomap::import::exr::{is_master, read_master, read_rgb_pair};
 use anisomap::import::gltf::read_gltf;
 use anisomap::import::textures::Textures;
 use anisomap::map::Wrap;
-use anisomap::mesh;
+use anisomap::mesh::{self, Body, Projection};
 use anisomap::recipe::Image;
-use anisomap::studio::apart;
+use anisomap::studio::{apart, bytes_free, mesh_warning};
 use eframe::egui::Context;
 use std::collections::HashMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// Meshes with more triangles than this are told: the first stroke on them takes a while.
+/// Meshes with more triangles than this are told: whatever is done with them takes a while.
 const MANY: usize = 2_000_000;
 
 /// What a file is wanted as.
@@ -44,12 +45,16 @@ pub(crate) struct Told {
 
 /// What came in.
 pub(crate) enum Taken {
-    /// A mesh that lies beside the recipe now, by the name that the recipe has for it.
-    Mesh(String),
+    /// A mesh that lies beside the recipe now, by the name that the recipe has for it; read and looked over.
+    Mesh { file: String, body: Arc<Body> },
     /// A map whose files lie beside the recipe now.
     Layer { name: String, image: Image },
     /// Textures: what they mean is to be said first.
     Textures(Box<Seen>),
+    /// A mesh without texture coordinates: they may be made.
+    NoUvs,
+    /// A mesh that takes much memory, and what there is to say of that.
+    Large(String),
 }
 
 /// What came in, and what there is to say of it.
@@ -67,10 +72,14 @@ impl Intake {
         part: Part,
         path: &Path,
         folder: &Path,
+        even_if_large: bool,
         ctx: &Context,
     ) -> Result<Self, Error> {
         let (from, folder) = (path.to_owned(), folder.to_owned());
-        Self::of(path, ctx, move || take(part, &from, &folder))
+        Self::of(path, ctx, move || {
+            let free = if even_if_large { None } else { bytes_free() };
+            take(part, &from, &folder, free)
+        })
     }
 
     /// Begins to take textures into the folder of a recipe.
@@ -133,32 +142,49 @@ fn ending(path: &Path) -> String {
         .map_or(String::new(), |e| e.to_string_lossy().to_lowercase())
 }
 
-fn take(part: Part, path: &Path, folder: &Path) -> Result<Came, Error> {
-    let about = std::fs::metadata(path).map_err(Error::read(path))?;
+fn take(part: Part, path: &Path, folder: &Path, free: Option<u64>) -> Result<Came, Error> {
+    let (file, _) = mesh::split_path(path);
+    let about = std::fs::metadata(file).map_err(Error::read(file))?;
     if about.is_file() && about.len() == 0 {
-        return Err(Error::file(path, "the file is empty").with_hint("Copy or export it once more"));
+        return Err(Error::file(file, "the file is empty").with_hint("Copy or export it once more"));
     }
     match part {
-        Part::Mesh => take_mesh(path, folder),
+        Part::Mesh => take_mesh(path, folder, free),
         Part::Map => take_map(path, folder),
     }
 }
 
-fn take_mesh(path: &Path, folder: &Path) -> Result<Came, Error> {
-    let triangles = mesh::load(path)?.triangles.len();
-    let mut news = vec![];
-    if triangles > MANY {
+/// A mesh, laid beside the recipe as it is; asks first where it has no texture coordinates, or leaves less than half of the
+/// memory that is `free`.
+fn take_mesh(path: &Path, folder: &Path, free: Option<u64>) -> Result<Came, Error> {
+    let (file, projection) = mesh::split_path(path);
+    let about = mesh::about(file)?;
+    if !about.has_uvs && projection.is_none() {
+        return Ok((Taken::NoUvs, vec![]));
+    }
+    let what = format!(
+        "{} has {}",
+        file.display(),
+        count(about.triangles, "triangle")
+    );
+    if let Some(warning) = mesh_warning(about.triangles, free) {
+        return Ok((Taken::Large(format!("{what}. {warning}")), vec![]));
+    }
+    let body = Arc::new(Body::new(Arc::new(mesh::load(path)?))?);
+    let needed = mesh::companions(file)?;
+    let laid = lay_beside(file, &needed, folder)?;
+    let name = Projection::join(&laid.name, projection);
+    if !needed.is_empty() {
+        // Read from where it lies now: a mesh that cannot be shown is no step of the history.
+        mesh::load(&folder.join(&name))?;
+    }
+    let mut news = Vec::from_iter(laid.news);
+    if about.triangles > MANY {
         news.push(format!(
-            "{} has {}: drawing it takes longer, and the first stroke on it a while",
-            path.display(),
-            count(triangles, "triangle")
+            "{what}: drawing it takes longer, and the first stroke on it a while"
         ));
     }
-    let laid = lay_beside(path, &mesh::companions(path)?, folder)?;
-    news.extend(laid.news);
-    // Read from where it lies now: a mesh that cannot be shown is no step of the history.
-    mesh::load(&folder.join(&laid.name))?;
-    Ok((Taken::Mesh(laid.name), news))
+    Ok((Taken::Mesh { file: name, body }, news))
 }
 
 /// A master EXR as it is; what says by itself what its numbers mean is kept as a master EXR, lossless; of anything else that
@@ -375,7 +401,7 @@ mod tests {
     }
 
     fn refusal(part: Part, path: &Path, folder: &Path) -> String {
-        match take(part, path, folder) {
+        match take(part, path, folder, None) {
             Err(error) => error.to_string(),
             Ok(_) => panic!("{} was taken", path.display()),
         }
@@ -391,7 +417,7 @@ mod tests {
 
     fn mesh_of(came: Result<Came, Error>) -> String {
         match came.unwrap() {
-            (Taken::Mesh(file), _) => file,
+            (Taken::Mesh { file, .. }, _) => file,
             _ => panic!("no mesh"),
         }
     }
@@ -407,17 +433,17 @@ mod tests {
         let stem = from.join("lid");
         anisomap::export::gltf::write_gltf(&stem, &export, &plane, &material, Default::default())
             .unwrap();
-        let taken = mesh_of(take(Part::Mesh, &from.join("lid.gltf"), &to));
+        let taken = mesh_of(take(Part::Mesh, &from.join("lid.gltf"), &to, None));
         assert_eq!(taken, "lid/lid.gltf");
         mesh::load(&to.join(&taken)).unwrap();
         // The same again is the same; another of that name gets a name of its own.
         assert_eq!(
-            mesh_of(take(Part::Mesh, &from.join("lid.gltf"), &to)),
+            mesh_of(take(Part::Mesh, &from.join("lid.gltf"), &to, None)),
             taken
         );
         std::fs::write(to.join("lid/lid.bin"), b"other").unwrap();
         assert_eq!(
-            mesh_of(take(Part::Mesh, &from.join("lid.gltf"), &to)),
+            mesh_of(take(Part::Mesh, &from.join("lid.gltf"), &to, None)),
             "lid_2/lid.gltf"
         );
         assert_eq!(std::fs::read(to.join("lid/lid.bin")).unwrap(), b"other");
@@ -439,7 +465,7 @@ mod tests {
             .unwrap();
         std::fs::write(to.join("a_rotation.png"), b"of another").unwrap();
         let path = from.join("a_roughness.png");
-        let Ok((Taken::Textures(seen), _)) = take(Part::Map, &path, &to) else {
+        let Ok((Taken::Textures(seen), _)) = take(Part::Map, &path, &to, None) else {
             panic!("nothing to be said");
         };
         assert_eq!(
@@ -473,13 +499,13 @@ mod tests {
         std::fs::write(to.join("real.obj"), text).unwrap();
         std::os::unix::fs::symlink("real.obj", to.join("link.obj")).unwrap();
         assert_eq!(
-            mesh_of(take(Part::Mesh, &to.join("link.obj"), &to)),
+            mesh_of(take(Part::Mesh, &to.join("link.obj"), &to, None)),
             "link.obj"
         );
         // One that leads out is copied under another name.
         std::fs::write(from.join("out.obj"), text).unwrap();
         std::os::unix::fs::symlink(from.join("out.obj"), to.join("out.obj")).unwrap();
-        let taken = mesh_of(take(Part::Mesh, &to.join("out.obj"), &to));
+        let taken = mesh_of(take(Part::Mesh, &to.join("out.obj"), &to, None));
         assert!(
             !to.join(&taken).is_symlink() || taken == "out.obj",
             "{taken}"
@@ -496,10 +522,10 @@ mod tests {
             ("picture.png", b"\x89PNG", Part::Map, "no usable PNG"),
             ("photo.jpg", b"jpeg", Part::Map, "save it as one of them"),
             (
-                "flat.obj",
-                b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+                "bent.obj",
+                b"v 0 0 0\nvt 0 0\nf 1/1 2/1 3/1\n",
                 Part::Mesh,
-                "texture coordinates",
+                "position",
             ),
         ] {
             let path = from.join(name);
@@ -510,6 +536,22 @@ mod tests {
         let missing = refusal(Part::Mesh, &from.join("missing.glb"), &to);
         assert!(missing.contains("missing.glb"), "{missing}");
         assert_eq!(std::fs::read_dir(&to).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_mesh_without_texture_coordinates_is_asked_about_and_taken_with_a_projection() {
+        let (_all, from, to) = folders();
+        let path = from.join("flat.obj");
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        let asked = take(Part::Mesh, &path, &to, None);
+        assert!(matches!(asked, Ok((Taken::NoUvs, _))));
+        assert_eq!(std::fs::read_dir(&to).unwrap().count(), 0);
+        let taken = mesh_of(take(Part::Mesh, &from.join("flat.obj#box"), &to, None));
+        assert_eq!(taken, "flat.obj#box");
+        assert!(to.join("flat.obj").is_file());
+        assert_eq!(mesh::load(&to.join(&taken)).unwrap().triangles.len(), 1);
+        let told = take(Part::Mesh, &to.join("flat.obj#box"), &to, Some(1));
+        assert!(matches!(told, Ok((Taken::Large(_), _))));
     }
 
     #[test]
@@ -525,13 +567,13 @@ mod tests {
         let export = Export::new(&map, &info);
         write_rgb_pair(&from.join("satin"), &export, Precision::Float).unwrap();
         for one in ["satin_alpha.exr", "satin_direction.exr"] {
-            let (file, news) = layer_of(take(Part::Map, &from.join(one), &to));
+            let (file, news) = layer_of(take(Part::Map, &from.join(one), &to, None));
             assert_eq!(file, "satin.exr");
             assert!(news.contains("two RGB files"));
             let back = read_master(&to.join("satin.exr")).unwrap().map;
             assert_eq!(back.size(), map.size());
             assert!((back.alpha_x()[0] - map.alpha_x()[0]).abs() < 1e-6);
-            let (again, _) = layer_of(take(Part::Map, &from.join(one), &to));
+            let (again, _) = layer_of(take(Part::Map, &from.join(one), &to, None));
             assert_eq!(again, "satin_2.exr", "what is there is not written over");
             std::fs::remove_file(to.join("satin.exr")).unwrap();
             std::fs::remove_file(to.join("satin_2.exr")).unwrap();

@@ -165,8 +165,11 @@ pub(crate) struct Overlay {
     /// What the texture shows.
     drawn: Option<(Kind, Camera2d)>,
     coverage: Option<Coverage>,
-    /// The layer that the coverage is of.
-    of_layer: usize,
+    /// The layer that the coverage is of, and whether of its mask.
+    covers: Option<(usize, bool)>,
+    covering: Option<Work<Result<Coverage, Error>>>,
+    /// Whether it has to be looked at anew.
+    is_uncovered: bool,
     marks: Option<LintMarks>,
     work: Option<Work<Result<LintMarks, Error>>>,
     stale: bool,
@@ -177,7 +180,7 @@ impl Overlay {
     pub(crate) fn rest(&mut self, map_changed: bool) {
         if map_changed {
             self.marks = None;
-            self.coverage = None;
+            self.is_uncovered = true;
             self.work = None;
         }
         self.drawn = None;
@@ -190,18 +193,37 @@ impl Overlay {
         rect: Rect,
         desk: &mut Desk,
         camera: Camera2d,
-        map_changed: bool,
     ) {
-        let layer = desk.studio.selected();
-        if map_changed || self.coverage.is_none() || self.of_layer != layer {
-            let size = desk.studio.map().size();
-            self.coverage = desk
-                .studio
-                .coverage()
-                .and_then(|values| Coverage::new(size, values).ok());
-            self.of_layer = layer;
-            self.drawn = None;
+        let layer = (desk.studio.selected(), desk.studio.is_mask_selected());
+        self.is_uncovered |= desk.news.new_map || self.covers != Some(layer);
+        for rect in &desk.news.map {
+            match (&mut self.coverage, desk.studio.coverage_in(*rect)) {
+                (Some(coverage), Some(values)) if self.covering.is_none() => {
+                    coverage.change(*rect, &values);
+                    self.drawn = None;
+                }
+                // Of another layer, or of what is looked at just now: all of it may be other.
+                _ => self.is_uncovered = true,
+            }
         }
+        if self.is_uncovered && !desk.studio.is_drawing() {
+            self.is_uncovered = false;
+            self.cover(ui, desk, layer);
+        }
+        if let Some(work) = &self.covering {
+            match work.now() {
+                Now::Going => {}
+                Now::Came(found) => {
+                    self.covering = None;
+                    self.coverage = desk.told(found);
+                    self.drawn = None;
+                }
+                Now::Over => self.covering = None,
+            }
+        }
+        // A map of another size comes with a coverage of its own.
+        let map = desk.studio.map().size();
+        self.coverage = self.coverage.take().filter(|c| c.size() == map);
         let Some(coverage) = &self.coverage else {
             return;
         };
@@ -261,13 +283,33 @@ impl Overlay {
         self.paint_marks(painter, rect, ui.pixels_per_point(), camera);
     }
 
+    /// Finds what a layer covers, in the background.
+    fn cover(&mut self, ui: &Ui, desk: &mut Desk, layer: (usize, bool)) {
+        self.covers = Some(layer);
+        self.covering = None;
+        let Some(order) = desk.studio.coverage() else {
+            self.coverage = None;
+            return;
+        };
+        let size = desk.studio.map().size();
+        let begun = Work::begin("coverage", ui.ctx(), move |reins, give| {
+            let wanted = |_: u64, _: u64| reins.go_on();
+            let progress = Progress::new(&wanted);
+            let found = apart(|| order.carry_out(&progress));
+            give(found.and_then(|values| Coverage::new(size, values)));
+        });
+        self.covering = desk.told(begun);
+    }
+
     /// Looks the map over in the background.
     fn look(&mut self, ui: &Ui, desk: &mut Desk) {
-        let (map, mesh) = (desk.studio.map().clone(), desk.studio.mesh().clone());
+        let (map, body) = (desk.studio.map().clone(), desk.studio.body().clone());
         let begun = Work::begin("lint", ui.ctx(), move |reins, give| {
             let wanted = |_: u64, _: u64| reins.go_on();
             let progress = Progress::new(&wanted);
-            give(apart(|| LintMarks::find(&map, Some(&mesh), &progress)));
+            give(apart(|| {
+                LintMarks::find(&map, Some(body.mesh()), &progress)
+            }));
         });
         self.work = desk.told(begun);
     }
@@ -313,11 +355,16 @@ impl Overlay {
     /// What there is to say of the overlay.
     pub(crate) fn text(&self, kind: Kind, desk: &Desk) -> Option<String> {
         match kind {
+            Kind::Coverage if self.covering.is_some() && self.coverage.is_none() => {
+                Some("Looking at the strokes\u{2026}".to_owned())
+            }
             Kind::Coverage if self.coverage.is_none() => {
                 Some("The selected layer holds no strokes.".to_owned())
             }
             Kind::Coverage => {
-                let layer = desk.studio.recipe().layers.get(self.of_layer);
+                let layer = self
+                    .covers
+                    .and_then(|(at, _)| desk.studio.recipe().layers.get(at));
                 layer.map(|l| format!("Strokes of {}", l.name()))
             }
             Kind::Lint => Some(match (&self.marks, &self.work) {

@@ -409,7 +409,7 @@ pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
     }
     let tip = tips(
         desk,
-        "Every stroke so many times around the middle.",
+        "Every stroke so many times around the middle; on the mesh around its upright axis.",
         &[Action::ToggleRadial],
     );
     bar.response.on_hover_text(tip);
@@ -420,6 +420,6 @@ pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
             desk.hand.symmetry_center[i] = at as f32;
         }
         bar.response
-            .on_hover_text("Where the mirrors stand and what copies go around, in UV.");
+            .on_hover_text("Where the mirrors stand and what copies go around, in UV. On the mesh that is its own middle.");
     }
 }

@@ -8,7 +8,7 @@ use super::theme::Palette;
 use super::widgets::{Bar, icon_button, overlay_text};
 use anisomap::brdf::Model;
 use anisomap::map::{Rect as Pixels, Size};
-use anisomap::paint::{Point, Symmetry, surface_scale};
+use anisomap::paint::{Point, surface_scale};
 use anisomap::preview::{Look, Measure, Rig, Scene, srgb_from_linear};
 use anisomap::raster::Camera;
 use anisomap::studio::action::Action;
@@ -290,7 +290,7 @@ impl ViewportPane {
             return true;
         }
         let modifiers = ui.input(|i| i.modifiers);
-        let mut brush = desk
+        let brush = desk
             .hand
             .stroke_brush(modifiers.command && !modifiers.shift);
         let seed = desk.stroke_seed();
@@ -302,11 +302,6 @@ impl ViewportPane {
                 desk.end_stroke();
             }
             return true;
-        }
-        if brush.symmetry != Symmetry::None {
-            brush.symmetry = Symmetry::None;
-            desk.messages
-                .news("Mirror and copies are for strokes on the canvas: this one is alone");
         }
         let begun = desk.studio.begin_mesh_stroke(brush.into(), seed);
         if desk.told(begun).is_some() {
@@ -348,7 +343,7 @@ impl ViewportPane {
     }
 
     /// The brush where it would paint.
-    fn cursor(&mut self, ui: &Ui, response: &Response, desk: &Desk) {
+    fn cursor(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) {
         let pointer = response.hover_pos().or(response.interact_pointer_pos());
         let Some(pointer) = pointer.filter(|p| self.rect.contains(*p)) else {
             return;
@@ -360,6 +355,7 @@ impl ViewportPane {
         if !desk.hand.kind().paints() || ui.input(|i| i.modifiers.alt) {
             return;
         }
+        desk.studio.expect_stroke(true);
         let studio = &desk.studio;
         let unit = *self.unit.get_or_insert_with(|| {
             let aspect = studio.recipe().aspect_at(studio.map().size());

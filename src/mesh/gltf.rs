@@ -7,7 +7,7 @@
 
 use super::container::{path_beside, split_glb};
 use super::raw::{Fault, MissingNormals, Raw, check_triangle_count};
-use super::{MAX_FILE_BYTES, Mesh, read_limited};
+use super::{MAX_FILE_BYTES, Mesh, Projection, read_limited};
 use crate::error::{Error, Result};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
@@ -18,13 +18,12 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// Largest JSON part, in bytes. Its structs take up to ten times as much memory as its text.
-const MAX_JSON_BYTES: usize = 1 << 28;
+pub(super) const MAX_JSON_BYTES: usize = 1 << 28;
 /// Most JSON objects: each of `{},` becomes a struct of about 200 bytes.
 const MAX_JSON_OBJECTS: usize = 1_000_000;
 
 /// What to do about a mesh without texture coordinates.
-pub(super) const NO_UVS_HINT: &str =
-    "Unwrap it in a modelling program and export it with its texture coordinates";
+pub(super) const NO_UVS_HINT: &str = "Unwrap it in a modelling program and export it with its texture coordinates, or have them made from six sides: name it with `#box` after it, as in `statue.glb#box`";
 const DAMAGED_HINT: &str = "The file is damaged; export it again";
 
 /// Extensions that a file may require although they are not read: they change materials, textures and lights, not triangles.
@@ -144,7 +143,7 @@ struct Buffer {
 ///
 /// # Errors
 /// [`Error::Read`] and [`Error::File`], as [`super::load`] says.
-pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
+pub(super) fn parse(path: &Path, bytes: &[u8], projection: Option<Projection>) -> Result<Mesh> {
     let damaged = |problem: String| Error::file(path, problem).with_hint(DAMAGED_HINT);
     let (json, bin) = if bytes.starts_with(b"glTF") {
         split_glb(bytes).map_err(damaged)?
@@ -164,6 +163,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
         path,
         document: &document,
         buffers,
+        without_uvs: projection.is_some(),
     };
     let mut mesh = Mesh::empty("", 1.0);
     for (index, place) in placements(&document).map_err(damaged)? {
@@ -175,7 +175,10 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
             "its default scene has no triangles with an area",
         ));
     }
-    mesh.measure_aspect();
+    match projection {
+        Some(projection) => projection.lay(&mut mesh),
+        None => mesh.measure_aspect(),
+    }
     Ok(mesh)
 }
 
@@ -196,6 +199,32 @@ pub(super) fn companions(path: &Path, bytes: &[u8]) -> Result<Vec<PathBuf>> {
     files.sort();
     files.dedup();
     Ok(files)
+}
+
+/// How many triangles the JSON of a file places, and whether all have texture coordinates; what is wrong is left to [`parse`].
+pub(super) fn about(json: &[u8]) -> Result<(usize, bool), String> {
+    let document = read_document(json)?;
+    let (mut triangles, mut has_uvs) = (0usize, true);
+    for (mesh, _) in placements(&document)? {
+        let entry = document.meshes.get(mesh);
+        for primitive in entry.iter().flat_map(|m| &m.primitives) {
+            let mode = primitive.mode.unwrap_or(4);
+            if mode < 4 {
+                continue;
+            }
+            let corners = primitive.indices.or(primitive.attributes.position);
+            let corners = corners.and_then(|i| document.accessors.get(i));
+            let corners = corners.map_or(0, |a| a.count);
+            let more = if mode == 4 {
+                corners / 3
+            } else {
+                corners.saturating_sub(2)
+            };
+            triangles = triangles.saturating_add(more);
+            has_uvs &= primitive.attributes.uv.is_some();
+        }
+    }
+    Ok((triangles, has_uvs))
 }
 
 fn read_document(json: &[u8]) -> Result<Document, String> {
@@ -440,6 +469,8 @@ struct Source<'a> {
     path: &'a Path,
     document: &'a Document,
     buffers: Vec<Cow<'a, [u8]>>,
+    /// Whether texture coordinates, and the tangents that follow from them, are left out.
+    without_uvs: bool,
 }
 
 impl Source<'_> {
@@ -468,7 +499,7 @@ impl Source<'_> {
             if mode < 4 {
                 continue;
             }
-            if primitive.attributes.uv.is_none() {
+            if primitive.attributes.uv.is_none() && !self.without_uvs {
                 let problem =
                     "it has no texture coordinates (TEXCOORD_0), so no map can be placed on it";
                 return Err(fault(problem.to_owned()).with_hint(NO_UVS_HINT));
@@ -484,12 +515,13 @@ impl Source<'_> {
     fn part(&self, primitive: &Primitive, mode: u32, already: usize) -> Result<Mesh, Fault> {
         let attributes = &primitive.attributes;
         let positions = self.elements("POSITION", required(attributes.position, "POSITION")?, 3)?;
-        let uvs = self.elements("TEXCOORD_0", required(attributes.uv, "TEXCOORD_0")?, 2)?;
+        let own = |accessor: Option<usize>| accessor.filter(|_| !self.without_uvs);
+        let uvs = self.optional("TEXCOORD_0", own(attributes.uv), 2)?;
         let normals = self.optional("NORMAL", attributes.normal, 3)?;
-        let tangents = self.optional("TANGENT", attributes.tangent, 4)?;
+        let tangents = self.optional("TANGENT", own(attributes.tangent), 4)?;
         let count = positions.count;
         for (name, other) in [
-            ("TEXCOORD_0", Some(&uvs)),
+            ("TEXCOORD_0", uvs.as_ref()),
             ("NORMAL", normals.as_ref()),
             ("TANGENT", tangents.as_ref()),
         ] {
@@ -504,10 +536,14 @@ impl Source<'_> {
         let raw = Raw {
             positions: gather(&used, |i| Vec3::from(positions.numbers::<3>(i))),
             // glTF's v runs down, ours up.
-            uvs: gather(&used, |i| {
-                let [u, v] = uvs.numbers::<2>(i);
-                Vec2::new(u, 1.0 - v)
-            }),
+            uvs: uvs
+                .map(|uvs| {
+                    gather(&used, |i| {
+                        let [u, v] = uvs.numbers::<2>(i);
+                        Vec2::new(u, 1.0 - v)
+                    })
+                })
+                .unwrap_or_default(),
             normals: normals
                 .map(|n| gather(&used, |i| Vec3::from(n.numbers::<3>(i))))
                 .unwrap_or_default(),

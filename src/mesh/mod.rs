@@ -12,24 +12,28 @@ mod islands;
 mod obj;
 mod plane;
 pub mod pot;
+mod projection;
 mod raw;
 mod sphere;
 mod tangents;
 pub mod torus;
+mod tree;
 
 pub use cylinder::cylinder;
 pub use disc::disc;
 pub use islands::Islands;
 pub use plane::plane;
 pub use pot::pot;
+pub use projection::Projection;
 pub use sphere::sphere;
 pub use torus::torus;
+pub use tree::{Body, Met};
 
 use crate::error::{Error, Result, nearest_word, open_regular};
 use glam::{Vec2, Vec3, Vec4};
-use std::borrow::Cow;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The built-in shapes, as `--mesh` names them.
 pub const BUILTIN_NAMES: [&str; 6] = ["torus", "pot", "sphere", "plane", "cylinder", "disc"];
@@ -61,15 +65,41 @@ pub struct Mesh {
     pub aspect: f32,
 }
 
-impl<'a> From<&'a Mesh> for Cow<'a, Mesh> {
-    fn from(mesh: &'a Mesh) -> Self {
-        Self::Borrowed(mesh)
+/// A mesh that is lent, or shared with others.
+#[derive(Clone, Debug)]
+pub enum Held<'a> {
+    /// Somebody else's.
+    Lent(&'a Mesh),
+    /// Kept for as long as anybody likes.
+    Shared(Arc<Mesh>),
+}
+
+impl std::ops::Deref for Held<'_> {
+    type Target = Mesh;
+
+    fn deref(&self) -> &Mesh {
+        match self {
+            Self::Lent(mesh) => mesh,
+            Self::Shared(mesh) => mesh,
+        }
     }
 }
 
-impl From<Mesh> for Cow<'_, Mesh> {
+impl<'a> From<&'a Mesh> for Held<'a> {
+    fn from(mesh: &'a Mesh) -> Self {
+        Self::Lent(mesh)
+    }
+}
+
+impl From<Mesh> for Held<'_> {
     fn from(mesh: Mesh) -> Self {
-        Self::Owned(mesh)
+        Self::Shared(Arc::new(mesh))
+    }
+}
+
+impl From<Arc<Mesh>> for Held<'_> {
+    fn from(mesh: Arc<Mesh>) -> Self {
+        Self::Shared(mesh)
     }
 }
 
@@ -221,25 +251,37 @@ pub fn open(word: &str) -> Result<Mesh> {
 }
 
 /// Reads a mesh from a .glb, .gltf or .obj file: all triangles of its default scene, merged. Normals and tangents that the
-/// file leaves out are made; `aspect` is measured from its layout.
+/// file leaves out are made; `aspect` is measured from its layout. Where a [`Projection`] stands after the path, as in
+/// `statue.glb#box`, texture coordinates are made by it.
 ///
 /// # Errors
 /// [`Error::Read`] when the file or a buffer beside it is not there, [`Error::File`] when its content cannot be used: it is
 /// damaged, names things that it does not hold, has no triangles or no texture coordinates, or is larger than
 /// [`MAX_FILE_BYTES`] or [`MAX_TRIANGLES`] allow.
 pub fn load(path: &Path) -> Result<Mesh> {
-    let extension = path
-        .extension()
-        .map(|e| e.to_string_lossy().to_ascii_lowercase());
-    let parse: fn(&Path, &[u8]) -> Result<Mesh> = match extension.as_deref() {
-        Some("glb" | "gltf") => gltf::parse,
-        Some("obj") => obj::parse,
-        _ => {
-            return Err(Error::file(path, "not a mesh file by its name")
-                .with_hint("Meshes are read from .glb, .gltf and .obj files"));
-        }
+    let (path, projection) = split_path(path);
+    load_with(path, projection)
+}
+
+/// A path with the projection taken off it.
+pub fn split_path(path: &Path) -> (&Path, Option<Projection>) {
+    match path.to_str().map(Projection::split) {
+        Some((file, projection)) => (Path::new(file), projection),
+        None => (path, None),
+    }
+}
+
+/// As [`load`], of a file by its very name.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(path: &Path, projection: Option<Projection>) -> Result<Mesh> {
+    let parse = match format(path)? {
+        Format::Gltf => gltf::parse,
+        Format::Obj => obj::parse,
     };
-    let mut mesh = parse(path, &read_limited(path, MAX_FILE_BYTES)?)?;
+    let bytes = read_limited(path, MAX_FILE_BYTES)?;
+    let mut mesh = parse(path, &bytes, projection)?;
     mesh.name = path
         .file_stem()
         .map(|s| s.to_string_lossy().into_owned())
@@ -252,12 +294,70 @@ pub fn load(path: &Path) -> Result<Mesh> {
 /// # Errors
 /// As [`load`], as far as it concerns the file itself.
 pub fn companions(path: &Path) -> Result<Vec<PathBuf>> {
-    let ending = path.extension().map(|e| e.to_ascii_lowercase());
-    if ending.is_some_and(|e| e == "glb" || e == "gltf") {
-        gltf::companions(path, &read_limited(path, MAX_FILE_BYTES)?)
-    } else {
-        Ok(vec![])
+    let (path, _) = split_path(path);
+    match format(path)? {
+        Format::Gltf => gltf::companions(path, &read_limited(path, MAX_FILE_BYTES)?),
+        Format::Obj => Ok(vec![]),
     }
+}
+
+/// A kind of file.
+enum Format {
+    Gltf,
+    Obj,
+}
+
+fn format(path: &Path) -> Result<Format> {
+    let extension = path.extension();
+    let extension = extension.map(|e| e.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        Some("glb" | "gltf") => Ok(Format::Gltf),
+        Some("obj") => Ok(Format::Obj),
+        _ => Err(Error::file(path, "not a mesh file by its name")
+            .with_hint("Meshes are read from .glb, .gltf and .obj files")),
+    }
+}
+
+/// What can be told of a mesh file without reading all of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct About {
+    /// How many triangles it says it has, instances counted.
+    pub triangles: usize,
+    /// Whether all of them have texture coordinates.
+    pub has_uvs: bool,
+}
+
+/// What a file says of itself; whether it is right [`load`] finds out.
+///
+/// # Errors
+/// [`Error::Read`] when the file is not there, [`Error::File`] when it is no mesh by its name or by its beginning.
+pub fn about(path: &Path) -> Result<About> {
+    let (path, _) = split_path(path);
+    let format = format(path)?;
+    let (file, _) = open_regular(path)?;
+    let mut file = BufReader::new(file.take(MAX_FILE_BYTES));
+    let (triangles, has_uvs) = match format {
+        Format::Obj => obj::about(file.split(b'\n')).map_err(Error::read(path))?,
+        Format::Gltf => {
+            let json = gltf_json(&mut file).map_err(Error::read(path))?;
+            gltf::about(&json).map_err(|problem| Error::file(path, problem))?
+        }
+    };
+    Ok(About { triangles, has_uvs })
+}
+
+/// The JSON of a .glb or .gltf file.
+fn gltf_json(file: &mut impl BufRead) -> std::io::Result<Vec<u8>> {
+    let mut limit = gltf::MAX_JSON_BYTES as u64 + 1;
+    if file.fill_buf()?.starts_with(b"glTF") {
+        let mut head = [0; 20];
+        file.read_exact(&mut head)?;
+        let length = u32::from_le_bytes([head[12], head[13], head[14], head[15]]);
+        limit = limit.min(u64::from(length));
+    }
+    let mut json = Vec::new();
+    file.take(limit).read_to_end(&mut json)?;
+    Ok(json)
 }
 
 /// A regular file of at most `limit` bytes.

@@ -4,9 +4,9 @@
 //! A reader of our own because the `tobj` crate multiplies a face's numbers before it checks them: a wild one panics in a
 //! checked build and reads another vertex's coordinates in a release build. This one also names the line.
 
-use super::Mesh;
 use super::gltf::NO_UVS_HINT;
 use super::raw::{Fault, MissingNormals, Raw, check_triangle_count};
+use super::{Mesh, Projection};
 use crate::error::{Error, Result};
 use glam::{Mat4, Vec2, Vec3};
 use std::borrow::Cow;
@@ -17,8 +17,11 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::File`], as [`super::load`] says.
-pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
-    let mut reader = Reader::default();
+pub(super) fn parse(path: &Path, bytes: &[u8], projection: Option<Projection>) -> Result<Mesh> {
+    let mut reader = Reader {
+        without_uvs: projection.is_some(),
+        ..Reader::default()
+    };
     for (number, line) in logical_lines(bytes) {
         reader.line(&line).map_err(|fault| {
             Error::file(path, format!("line {number}: {}", fault.problem))
@@ -38,8 +41,35 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     if mesh.triangles.is_empty() {
         return Err(whole("it has no faces with an area".to_owned()));
     }
-    mesh.measure_aspect();
+    match projection {
+        Some(projection) => projection.lay(&mut mesh),
+        None => mesh.measure_aspect(),
+    }
     Ok(mesh)
+}
+
+/// How many triangles the lines of an OBJ file make, and whether all have texture coordinates.
+pub(super) fn about(
+    lines: impl Iterator<Item = std::io::Result<Vec<u8>>>,
+) -> std::io::Result<(usize, bool)> {
+    let (mut triangles, mut has_uvs) = (0usize, true);
+    for line in lines {
+        let line = line?;
+        let mut words = line
+            .split(u8::is_ascii_whitespace)
+            .filter(|w| !w.is_empty());
+        if words.next() != Some(b"f".as_slice()) {
+            continue;
+        }
+        let mut corners = 0usize;
+        for word in words.take_while(|w| w[0] != b'#') {
+            corners += 1;
+            let uv = word.split(|b| *b == b'/').nth(1);
+            has_uvs &= uv.is_some_and(|uv| !uv.is_empty());
+        }
+        triangles = triangles.saturating_add(corners.saturating_sub(2));
+    }
+    Ok((triangles, has_uvs))
 }
 
 /// Lines with the number of their first, joined where one ends in a backslash. Bytes that are no UTF-8 are replaced: they
@@ -70,6 +100,8 @@ struct Reader {
     /// Vertices in the order of their first use: numbers of position, texture coordinates and normal.
     vertices: Vec<Corner>,
     numbers: HashMap<Corner, u32>,
+    /// Whether texture coordinates are left out.
+    without_uvs: bool,
     triangles: Vec<[u32; 3]>,
 }
 
@@ -124,6 +156,7 @@ impl Reader {
         let uv = part(self.uvs.len(), "texture coordinates (`vt`)")?;
         let normal = part(self.normals.len(), "normal (`vn`)")?;
         let position = position.ok_or_else(|| format!("`{word}` names no position"))?;
+        let uv = if self.without_uvs { Some(0) } else { uv };
         let uv = uv.ok_or_else(|| Fault {
             problem: "the face has no texture coordinates (`vt`), so no map can be placed on it"
                 .to_owned(),
@@ -140,7 +173,10 @@ impl Reader {
         let normal = |n: Option<usize>| n.map_or(Vec3::ZERO, |n| self.normals[n]);
         Raw {
             positions: self.vertices.iter().map(|v| self.positions[v.0]).collect(),
-            uvs: self.vertices.iter().map(|v| self.uvs[v.1]).collect(),
+            uvs: match self.without_uvs {
+                true => Vec::new(),
+                false => self.vertices.iter().map(|v| self.uvs[v.1]).collect(),
+            },
             normals: self.vertices.iter().map(|v| normal(v.2)).collect(),
             tangents: Vec::new(),
             triangles: self.triangles,

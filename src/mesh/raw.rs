@@ -23,6 +23,7 @@ pub(super) enum MissingNormals {
 /// Triangles as a file gives them; indices already checked against the vertices.
 pub(super) struct Raw {
     pub(super) positions: Vec<Vec3>,
+    /// One a vertex, or empty where a projection is to make them.
     pub(super) uvs: Vec<Vec2>,
     /// Empty, or one a vertex.
     pub(super) normals: Vec<Vec3>,
@@ -45,6 +46,17 @@ impl Raw {
             self.make_smooth();
         }
         let given = std::mem::take(&mut self.tangents);
+        if self.uvs.is_empty() {
+            let count = self.positions.len();
+            return Ok(Mesh {
+                positions: self.positions,
+                normals: self.normals,
+                tangents: vec![Vec4::W; count],
+                uvs: vec![Vec2::ZERO; count],
+                triangles: self.triangles,
+                ..Mesh::empty("", 1.0)
+            });
+        }
         let mut mesh = Mesh {
             positions: self.positions,
             normals: self.normals,
@@ -106,7 +118,9 @@ impl Raw {
         });
         self.normals = normals.collect();
         self.positions = pick(&self.positions, &corners);
-        self.uvs = pick(&self.uvs, &corners);
+        if !self.uvs.is_empty() {
+            self.uvs = pick(&self.uvs, &corners);
+        }
         self.tangents.clear();
         self.triangles = (0..corners.len() as u32 / 3)
             .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])

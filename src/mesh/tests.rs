@@ -358,7 +358,7 @@ fn words_are_shapes_or_paths() {
 const QUAD_OBJ: &str = "o quad\nv 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
 
 fn obj(text: &str) -> Result<Mesh> {
-    obj::parse(Path::new("test.obj"), text.as_bytes())
+    obj::parse(Path::new("test.obj"), text.as_bytes(), None)
 }
 
 #[test]
@@ -564,7 +564,7 @@ fn damaged_objs_never_panic() {
                 }
             }
         }
-        match obj::parse(Path::new("test.obj"), &bytes) {
+        match obj::parse(Path::new("test.obj"), &bytes, None) {
             Ok(mesh) => {
                 mesh.validate().unwrap();
                 good += 1;

@@ -29,7 +29,7 @@ pub struct Brush {
     pub jitter: f32,
     /// What pressure changes. Default: nothing.
     pub pressure: Pressure,
-    /// Copies of every stroke, in UV. Default: none.
+    /// Copies of every stroke. Default: none.
     #[serde(skip_serializing_if = "Symmetry::is_none")]
     pub symmetry: Symmetry,
 }
@@ -68,7 +68,9 @@ impl Default for Pressure {
     }
 }
 
-/// Copies of a stroke that belong to it: all together are one stroke, denser nowhere.
+/// Copies of a stroke that belong to it: all together are one stroke, denser nowhere. Of a stroke in UV they lie where their numbers
+/// say; of one on the mesh about the middle of its bounding box: left and right for u, above and below for v, and turned about the
+/// upright axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Symmetry {

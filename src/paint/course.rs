@@ -69,9 +69,15 @@ impl Lay<Vec2> for Plane<'_> {
     }
 }
 
-impl Lay<Vec3> for Skin {
-    fn copies(&self, piece: Piece<Vec3>, mut out: impl FnMut(Piece<Vec3>)) {
-        out(piece);
+/// A mesh in space, with the copies of a symmetry.
+pub(super) struct Space<'a> {
+    pub(super) skin: &'a Skin,
+    pub(super) copies: &'a solid::Copies,
+}
+
+impl Lay<Vec3> for Space<'_> {
+    fn copies(&self, piece: Piece<Vec3>, out: impl FnMut(Piece<Vec3>)) {
+        self.copies.each(piece, out);
     }
 
     fn parts(
@@ -80,7 +86,7 @@ impl Lay<Vec3> for Skin {
         shape: &Shape,
         mut visit: impl FnMut(Place, Rect, Period),
     ) {
-        for (_, rect) in solid::touched(piece, shape, self) {
+        for (_, rect) in solid::touched(piece, shape, self.skin) {
             visit((rect.x / TILE, rect.y / TILE), rect, (0, 0));
         }
     }
@@ -93,7 +99,7 @@ impl Lay<Vec3> for Skin {
         shape: &Shape,
         (place, _): (Place, Rect),
     ) {
-        solid::add(cover, piece, shape, &self.places(place));
+        solid::add(cover, piece, shape, &self.skin.places(place));
     }
 }
 

@@ -13,7 +13,7 @@ use std::f32::consts::TAU;
 const PERIODS_MAX: f32 = 16.0;
 
 /// The surface as strokes see it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ground {
     pub(super) grid: Grid,
     pub(super) wrap: Wrap,

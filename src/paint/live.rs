@@ -1,7 +1,7 @@
 //! A stroke while it is being made: each point costs what it touches, and what is seen is what the finished stroke gives.
 
 use super::composite::{Planes, View, Work, apply};
-use super::course::{Course, Plane, origin, tiles_of};
+use super::course::{Course, Plane, Space, origin, tiles_of};
 use super::cover::Cover;
 use super::laid::{Copies, Ground};
 use super::skin::Skin;
@@ -39,6 +39,7 @@ enum Path {
         /// The brush in the mesh's units.
         scaled: Brush,
         skin: Arc<Skin>,
+        copies: solid::Copies,
         course: Course<Vec3>,
     },
 }
@@ -93,6 +94,7 @@ impl Live {
                     shape,
                     brush.tool.follows_stroke(),
                 ),
+                copies: solid::Copies::new(&scaled.symmetry, skin.middle()),
                 scaled,
                 skin,
             },
@@ -161,6 +163,7 @@ impl Live {
             points,
             scaled,
             skin,
+            copies,
             course,
         } = &mut self.path
         else {
@@ -171,7 +174,8 @@ impl Live {
             return first_only(points.len(), added, whole);
         }
         let node = solid::node(scaled, points, points.len() - 1);
-        course.go_on(node, added == Added::Pressure, &**skin, whole)
+        let space = Space { skin, copies };
+        course.go_on(node, added == Added::Pressure, &space, whole)
     }
 
     fn whole(&self) -> Rect {
@@ -215,9 +219,12 @@ impl Live {
             below.rect()
         );
         now.copy_from(before);
-        let mean = self
-            .kernel()
-            .map(|kernel| kernel.mean(rect, &Planes::of(before)));
+        let mean = self.kernel().map(|kernel| match &self.path {
+            Path::Uv { .. } => kernel.mean(rect, &Planes::of(before)),
+            Path::Mesh { skin, .. } => {
+                kernel.mean_apart(rect, &Planes::of(before), |rect| skin.charts(rect))
+            }
+        });
         let toward = mean.as_ref().map_or(Planes::of(below), |m| m.planes());
         let work_of = Work::of(&self.brush.tool);
         let bands = View::of(now, below, coverage).bands(rect);

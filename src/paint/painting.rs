@@ -70,7 +70,8 @@ impl Laid {
         let (shape, solid) = match skin.filter(|_| stroke.is_on_mesh()) {
             Some(skin) => {
                 let scaled = brush.scaled(skin.scale());
-                (solid::shape(&scaled, skin), solid::pieces(stroke, &scaled))
+                let pieces = solid::pieces(stroke, &scaled, skin.middle());
+                (solid::shape(&scaled, skin), pieces)
             }
             None => (ground.shape(brush), Vec::new()),
         };
@@ -495,7 +496,12 @@ impl Painting {
             rect: view.rect,
             planes: view.now.each_ref().map(|p| &**p),
         };
-        let mean = self.kernel(laid).mean(touched, &now);
+        let kernel = self.kernel(laid);
+        let skin = self.skin.as_ref().filter(|_| laid.stroke.is_on_mesh());
+        let mean = match skin {
+            Some(skin) => kernel.mean_apart(touched, &now, |rect| skin.charts(rect)),
+            None => kernel.mean(touched, &now),
+        };
         let mut cover = Cover::new(IVec2::ZERO);
         for tile in self.tiles_of(touched) {
             let (Some(part), entries) =

@@ -6,10 +6,9 @@
 
 use super::cover::{LANES, Lane, TILE};
 use super::laid::Ground;
-use crate::error::Result;
 use crate::map::Rect;
 use crate::math::Frame;
-use crate::mesh::Mesh;
+use crate::mesh::{Body, Mesh};
 use crate::pattern::Surface;
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
@@ -19,31 +18,19 @@ use std::sync::{Arc, Mutex, PoisonError};
 const GUTTER: f32 = 4.0;
 /// Tiles whose places are kept.
 const KEPT: usize = 256;
-/// Triangles of a leaf of the tree.
-const LEAF: usize = 8;
 
 /// A mesh prepared to be painted on at one size of map.
 pub struct Skin {
-    mesh: Arc<Mesh>,
+    body: Arc<Body>,
     pub(super) ground: Ground,
     columns: u32,
     /// For each tile the triangles that may show in it, with the periods they are moved by.
     tiles: Vec<Vec<(u32, (i8, i8))>>,
-    tree: Vec<Node>,
-    /// Triangles in the order of the tree's leaves.
-    order: Vec<u32>,
     scale: f32,
+    /// The middle of the mesh's bounding box.
+    middle: Vec3,
     kept: Mutex<HashMap<u32, Arc<Vec<Places>>>>,
-}
-
-/// A box of the tree: a leaf holds triangles, any other two boxes, the first of which follows it.
-struct Node {
-    low: Vec3,
-    high: Vec3,
-    /// First triangle of a leaf, or the second box.
-    next: u32,
-    /// Triangles of a leaf; 0 for any other.
-    count: u32,
+    kept_charts: Mutex<HashMap<u32, Arc<Vec<u32>>>>,
 }
 
 /// Places of the surface, [`LANES`] side by side.
@@ -63,37 +50,39 @@ pub(super) struct Places {
 }
 
 pub(super) const NOWHERE: u16 = u16::MAX;
+/// The chart of a texel that shows none.
+pub(super) const NO_CHART: u32 = u32::MAX;
 
 impl Skin {
     /// A mesh as a map of this surface lies on it.
-    ///
-    /// # Errors
-    /// Those of [`Mesh::validate`].
-    pub fn new(mesh: Arc<Mesh>, surface: &Surface) -> Result<Self> {
-        mesh.validate()?;
+    pub fn new(body: Arc<Body>, surface: &Surface) -> Self {
         let ground = Ground::new(surface);
         let size = surface.size;
         let (columns, rows) = (size.width().div_ceil(TILE), size.height().div_ceil(TILE));
         let mut skin = Self {
-            scale: surface_scale(&mesh, ground.grid.extent),
-            mesh,
+            scale: surface_scale(body.mesh(), ground.grid.extent),
+            middle: body.mesh().bounding_sphere().0,
+            body,
             ground,
             columns,
             tiles: vec![Vec::new(); (columns * rows) as usize],
-            tree: Vec::new(),
-            order: Vec::new(),
             kept: Mutex::default(),
+            kept_charts: Mutex::default(),
         };
-        for n in 0..skin.mesh.triangles.len() as u32 {
+        for n in 0..skin.mesh().triangles.len() as u32 {
             skin.sort_in(n);
         }
-        skin.grow_tree();
-        Ok(skin)
+        skin
     }
 
     /// The mesh.
-    pub fn mesh(&self) -> &Arc<Mesh> {
-        &self.mesh
+    pub fn mesh(&self) -> &Mesh {
+        self.body.mesh()
+    }
+
+    /// Whether this is that mesh as a map of that surface lies on it.
+    pub fn is_of(&self, body: &Arc<Body>, surface: &Surface) -> bool {
+        Arc::ptr_eq(&self.body, body) && self.ground == Ground::new(surface)
     }
 
     /// How long one surface unit is in the mesh's units, on the whole: the lengths of a brush on the mesh are this times its own.
@@ -101,9 +90,14 @@ impl Skin {
         self.scale
     }
 
+    /// The middle of the mesh, about which copies of strokes lie.
+    pub(super) fn middle(&self) -> Vec3 {
+        self.middle
+    }
+
     /// The largest coordinate of the mesh, for [`super::MeshPoints::new`].
     pub fn extent(&self) -> f32 {
-        let all = self.mesh.positions.iter();
+        let all = self.mesh().positions.iter();
         all.fold(0.0, |m, p| m.max(p.abs().max_element()))
     }
 
@@ -114,12 +108,12 @@ impl Skin {
 
     /// The corners of a triangle in the layout, surface units.
     fn layout(&self, n: u32) -> [Vec2; 3] {
-        let uv = |i: u32| self.mesh.uvs[i as usize] * self.ground.grid.extent;
-        self.mesh.triangles[n as usize].map(uv)
+        let uv = |i: u32| self.mesh().uvs[i as usize] * self.ground.grid.extent;
+        self.mesh().triangles[n as usize].map(uv)
     }
 
     fn corners(&self, n: u32) -> [Vec3; 3] {
-        self.mesh.triangles[n as usize].map(|i| self.mesh.positions[i as usize])
+        self.mesh().triangles[n as usize].map(|i| self.mesh().positions[i as usize])
     }
 
     /// Calls `visit` with the texels that a triangle may show in or beside, and the periods it is moved by.
@@ -147,47 +141,10 @@ impl Skin {
         }
     }
 
-    fn grow_tree(&mut self) {
-        let boxes: Vec<(Vec3, Vec3)> = (0..self.mesh.triangles.len() as u32)
-            .map(|n| {
-                let [a, b, c] = self.corners(n);
-                (a.min(b).min(c), a.max(b).max(c))
-            })
-            .collect();
-        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-        self.tree.clear();
-        grow(&mut self.tree, &boxes, &mut order, 0);
-        self.order = order;
-    }
-
-    /// Calls `visit` with every triangle whose box meets another.
-    fn near(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(u32)) {
-        let meets = |a: Vec3, b: Vec3| a.cmple(high).all() && b.cmpge(low).all();
-        let mut open = vec![0u32];
-        while let Some(n) = open.pop() {
-            let Some(node) = self.tree.get(n as usize) else {
-                continue;
-            };
-            if !meets(node.low, node.high) {
-                continue;
-            }
-            if node.count == 0 {
-                open.extend([node.next, n + 1]);
-                continue;
-            }
-            for triangle in &self.order[node.next as usize..(node.next + node.count) as usize] {
-                let [a, b, c] = self.corners(*triangle);
-                if meets(a.min(b).min(c), a.max(b).max(c)) {
-                    visit(*triangle);
-                }
-            }
-        }
-    }
-
     /// The texels that may show anything in a box of space: for each tile one rectangle, in the order of tiles.
     pub(super) fn touched(&self, low: Vec3, high: Vec3) -> Vec<(u32, Rect)> {
         let mut found: HashMap<u32, Rect> = HashMap::new();
-        self.near(low, high, |n| {
+        self.body.near(low, high, |n| {
             self.rects(n, |rect, _| {
                 for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
                     for x in rect.x / TILE..(rect.x + rect.width).div_ceil(TILE) {
@@ -227,12 +184,70 @@ impl Skin {
     }
 
     fn find_places(&self, tile: u32) -> Vec<Places> {
+        let mut gather = Gather::default();
+        self.each_place(tile, |laid, i, at| gather.add(self, laid, i, at));
+        gather.done()
+    }
+
+    /// The chart that each texel of a rectangle shows or lies beside, in row order; [`NO_CHART`] far from any. Where charts lie
+    /// over each other it is that of the first triangle.
+    pub(super) fn charts(&self, rect: Rect) -> Vec<u32> {
+        let mut charts = vec![NO_CHART; rect.texels()];
+        for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
+            for x in rect.x / TILE..(rect.x + rect.width).div_ceil(TILE) {
+                let tile = Rect {
+                    x: x * TILE,
+                    y: y * TILE,
+                    width: TILE,
+                    height: TILE,
+                };
+                let Some(part) = tile.intersection(rect) else {
+                    continue;
+                };
+                let known = self.charts_of(y * self.columns + x);
+                let n = part.width as usize;
+                for row in part.y..part.y + part.height {
+                    let (from, to) = (tile.index(part.x, row), rect.index(part.x, row));
+                    charts[to..to + n].copy_from_slice(&known[from..from + n]);
+                }
+            }
+        }
+        charts
+    }
+
+    fn charts_of(&self, tile: u32) -> Arc<Vec<u32>> {
+        let kept = || {
+            self.kept_charts
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+        };
+        if let Some(charts) = kept().get(&tile) {
+            return Arc::clone(charts);
+        }
+        let islands = &self.body.islands().of_triangle;
+        let mut charts = vec![NO_CHART; (TILE * TILE) as usize];
+        self.each_place(tile, |laid, i, _| {
+            if charts[i] == NO_CHART {
+                charts[i] = islands[laid.triangle as usize];
+            }
+        });
+        let charts = Arc::new(charts);
+        let mut kept = kept();
+        if kept.len() >= 4 * KEPT {
+            kept.clear();
+        }
+        kept.insert(tile, Arc::clone(&charts));
+        charts
+    }
+
+    /// Calls `visit` with every place that a tile's texels show, and the nearest beside a chart: the triangle, the place in the
+    /// tile, the weights of the triangle's corners.
+    fn each_place(&self, tile: u32, mut visit: impl FnMut(&Laid, usize, [f32; 3])) {
         let (x, y) = (tile % self.columns * TILE, tile / self.columns * TILE);
         let triangles: Vec<Laid> = self.tiles[tile as usize]
             .iter()
             .filter_map(|(n, period)| self.laid(*n, *period, (x, y)))
             .collect();
-        let mut gather = Gather::default();
         let side = TILE as usize;
         let mut inside = vec![false; side * side];
         for laid in &triangles {
@@ -240,12 +255,12 @@ impl Skin {
                 let at = laid.weights(p);
                 if at.iter().all(|w| *w >= -1e-5) {
                     inside[i] = true;
-                    gather.add(self, laid, i, at);
+                    visit(laid, i, at);
                 }
             });
         }
         if inside.iter().all(|i| *i) {
-            return gather.done();
+            return;
         }
         let mut nearest: Vec<(f32, usize, [f32; 3])> =
             vec![(GUTTER * GUTTER, usize::MAX, [0.0; 3]); side * side];
@@ -261,10 +276,9 @@ impl Skin {
         }
         for (i, (_, n, at)) in nearest.into_iter().enumerate() {
             if let Some(laid) = triangles.get(n) {
-                gather.add(self, laid, i, at);
+                visit(laid, i, at);
             }
         }
-        gather.done()
     }
 
     /// A triangle in the texels of a tile; `None` where its layout spans no area.
@@ -304,42 +318,6 @@ pub fn surface_scale(mesh: &Mesh, extent: Vec2) -> f32 {
     }
     let scale = (space / layout).sqrt() as f32;
     if scale.is_normal() { scale } else { 1.0 }
-}
-
-/// Adds the tree of some triangles, at most 64 boxes deep.
-fn grow(tree: &mut Vec<Node>, boxes: &[(Vec3, Vec3)], order: &mut [u32], first: u32) {
-    let bounds = |n: &[u32]| {
-        n.iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), n| {
-                let (a, b) = boxes[*n as usize];
-                (low.min(a), high.max(b))
-            })
-    };
-    let (low, high) = bounds(order);
-    let at = tree.len();
-    tree.push(Node {
-        low,
-        high,
-        next: first,
-        count: order.len() as u32,
-    });
-    if order.len() <= LEAF {
-        return;
-    }
-    let sides = (high - low).to_array();
-    let axis = (0..3).fold(0, |m, k| if sides[k] > sides[m] { k } else { m });
-    let middle = |n: &u32| {
-        let (a, b) = boxes[*n as usize];
-        a[axis] + b[axis]
-    };
-    let half = order.len() / 2;
-    // Equal places are told apart by number: the same tree on every machine.
-    order.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)).then(a.cmp(b)));
-    let (left, right) = order.split_at_mut(half);
-    grow(tree, boxes, left, first);
-    tree[at].next = tree.len() as u32;
-    tree[at].count = 0;
-    grow(tree, boxes, right, first + half as u32);
 }
 
 /// A triangle of the layout in the texels of a tile, whose centres have whole coordinates.
@@ -403,7 +381,7 @@ struct Gather {
 
 impl Gather {
     fn add(&mut self, skin: &Skin, laid: &Laid, texel: usize, at: [f32; 3]) {
-        let mesh = &skin.mesh;
+        let mesh = skin.mesh();
         let corners = mesh.triangles[laid.triangle as usize].map(|i| i as usize);
         let mix = |values: [Vec3; 3]| values[0] * at[0] + values[1] * at[1] + values[2] * at[2];
         let place = mix(corners.map(|i| mesh.positions[i]));

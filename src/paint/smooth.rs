@@ -2,8 +2,10 @@
 
 use super::composite::Planes;
 use super::laid::Ground;
+use super::skin::NO_CHART;
 use crate::map::{Rect, Wrap, settle};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Samples to each side at most; a wider look takes every second texel, every third, and so on.
 const SAMPLES_MAX: f32 = 16.0;
@@ -111,6 +113,42 @@ impl Kernel {
         mean
     }
 
+    /// The same, each texel's of the texels of its own chart alone: what lies beside a chart in the layout may be far from it on
+    /// the mesh. `charts` tells the charts of a rectangle's texels in row order.
+    pub(super) fn mean_apart(
+        &self,
+        rect: Rect,
+        from: &Planes<'_>,
+        charts: impl Fn(Rect) -> Vec<u32>,
+    ) -> Mean {
+        let own = charts(rect);
+        let mut planes = from.planes.map(|plane| crop(from.rect, plane, rect));
+        for (chart, part) in parts(rect, &own) {
+            let held = self.grown(part);
+            let is_of = charts(held);
+            let is_of: Vec<f32> = is_of
+                .iter()
+                .map(|c| if *c == chart { 1.0 } else { 0.0 })
+                .collect();
+            let weight = self.plane_mean(part, held, &is_of);
+            for (to, plane) in planes.iter_mut().zip(from.planes) {
+                let mut masked = crop(from.rect, plane, held);
+                masked.iter_mut().zip(&is_of).for_each(|(m, of)| *m *= of);
+                let sum = self.plane_mean(part, held, &masked);
+                for i in 0..part.texels() {
+                    let (x, y) = (i as u32 % part.width, i as u32 / part.width);
+                    let at = rect.index(part.x + x, part.y + y);
+                    if own[at] == chart {
+                        to[at] = sum[i] / weight[i];
+                    }
+                }
+            }
+        }
+        let mut mean = Mean { rect, planes };
+        mean.settle();
+        mean
+    }
+
     fn plane_mean(&self, rect: Rect, held: Rect, plane: &[f32]) -> Vec<f32> {
         let n = rect.width as usize;
         let (left, up) = (self.across.reach(), self.down.reach());
@@ -144,6 +182,34 @@ impl Kernel {
         });
         mean
     }
+}
+
+/// A rectangle of a plane.
+fn crop(held: Rect, plane: &[f32], rect: Rect) -> Vec<f32> {
+    let n = rect.width as usize;
+    let rows = rect.y..rect.y + rect.height;
+    rows.flat_map(|y| {
+        let start = held.index(rect.x, y);
+        &plane[start..start + n]
+    })
+    .copied()
+    .collect()
+}
+
+/// The charts of a rectangle's texels, each with the part of the rectangle that holds it.
+fn parts(rect: Rect, charts: &[u32]) -> BTreeMap<u32, Rect> {
+    let mut parts: BTreeMap<u32, Rect> = BTreeMap::new();
+    for (i, chart) in charts.iter().enumerate().filter(|(_, c)| **c != NO_CHART) {
+        let texel = Rect {
+            x: rect.x + i as u32 % rect.width,
+            y: rect.y + i as u32 / rect.width,
+            width: 1,
+            height: 1,
+        };
+        let part = parts.entry(*chart).or_insert(texel);
+        *part = part.hull(texel);
+    }
+    parts
 }
 
 fn add(out: &mut [f32], row: &[f32], weight: f32) {

@@ -3,12 +3,13 @@
 use super::cover::{BEND, Cover, LANES, Lane, Shape, TILE};
 use super::skin::{NOWHERE, Places, Skin};
 use super::trail::{Node, Piece, Trail};
-use super::{Brush, MeshPoints, Points, Stroke};
+use super::{Brush, MeshPoints, Points, Stroke, Symmetry};
 use crate::map::Rect;
 use crate::math::{self, smoothstep};
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
-use glam::Vec3;
+use glam::{Mat3, Vec3};
+use std::f32::consts::TAU;
 
 /// A surface is painted where its normal leans no more from the stroke's than this cosine says, and in full from the second
 /// on: what a brush reaches through a thin wall or around a rim keeps its own paint.
@@ -29,16 +30,80 @@ pub(super) fn node(brush: &Brush, points: &MeshPoints, n: usize) -> Node<Vec3> {
     }
 }
 
-/// The pieces of a stroke on the mesh, whose brush is `scaled` in the mesh's units; none of one in UV.
-pub(super) fn pieces(stroke: &Stroke, scaled: &Brush) -> Vec<Piece<Vec3>> {
+/// A mirroring or a turn in space about a place.
+#[derive(Clone, Copy, Debug)]
+struct Image {
+    turn: Mat3,
+    center: Vec3,
+}
+
+impl Image {
+    fn node(&self, node: Node<Vec3>) -> Node<Vec3> {
+        Node {
+            at: self.center + self.turn * (node.at - self.center),
+            side: self.turn * node.side,
+            ..node
+        }
+    }
+
+    fn piece(&self, piece: &Piece<Vec3>) -> Piece<Vec3> {
+        Piece {
+            ends: piece.ends.map(|n| self.node(n)),
+            start: self.turn * piece.start,
+            along: self.turn * piece.along,
+            end: self.turn * piece.end,
+        }
+    }
+}
+
+/// The copies that belong to each piece of a stroke on the mesh, itself left out: over the upright plane from the front to the
+/// back through the middle of the mesh, over the level plane there, over both, or turned about the upright axis there.
+#[derive(Clone, Debug)]
+pub(super) struct Copies(Vec<Image>);
+
+impl Copies {
+    pub(super) fn new(symmetry: &Symmetry, center: Vec3) -> Self {
+        let flip = |x: f32, y: f32| Mat3::from_diagonal(Vec3::new(x, y, 1.0));
+        let turns: Vec<Mat3> = match *symmetry {
+            Symmetry::None => vec![],
+            Symmetry::MirrorU { .. } => vec![flip(-1.0, 1.0)],
+            Symmetry::MirrorV { .. } => vec![flip(1.0, -1.0)],
+            Symmetry::MirrorBoth { .. } => {
+                vec![flip(-1.0, 1.0), flip(1.0, -1.0), flip(-1.0, -1.0)]
+            }
+            Symmetry::Radial { count, .. } => (1..count)
+                .map(|n| {
+                    let (sin, cos) = math::sin_cos(TAU * n as f32 / count as f32);
+                    Mat3::from_cols(Vec3::new(cos, 0.0, -sin), Vec3::Y, Vec3::new(sin, 0.0, cos))
+                })
+                .collect(),
+        };
+        let image = |turn| Image { turn, center };
+        Self(turns.into_iter().map(image).collect())
+    }
+
+    /// Calls `out` with a piece and its copies.
+    pub(super) fn each(&self, piece: Piece<Vec3>, mut out: impl FnMut(Piece<Vec3>)) {
+        for image in &self.0 {
+            out(image.piece(&piece));
+        }
+        out(piece);
+    }
+}
+
+/// The pieces of a stroke on the mesh with all copies, whose brush is `scaled` in the mesh's units; none of one in UV.
+pub(super) fn pieces(stroke: &Stroke, scaled: &Brush, middle: Vec3) -> Vec<Piece<Vec3>> {
     let brush = scaled;
+    let copies = Copies::new(&brush.symmetry, middle);
     let mut found = Vec::new();
     if let (Points::Mesh(points), false) = (stroke.points(), brush.tool.is_everywhere()) {
         let mut trail = Trail::new(brush, stroke.seed());
         for n in 0..points.len() {
-            trail.push(node(brush, points, n), |p| found.push(p));
+            trail.push(node(brush, points, n), |p| {
+                copies.each(p, |p| found.push(p));
+            });
         }
-        trail.tail(|p| found.push(p));
+        trail.tail(|p| copies.each(p, |p| found.push(p)));
     }
     found
 }

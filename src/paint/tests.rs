@@ -742,8 +742,8 @@ fn numbers_that_are_none_are_no_points() {
 /// Strokes on meshes.
 mod on_mesh {
     use super::*;
-    use crate::mesh::{self, Mesh, pot};
-    use glam::{Vec3, Vec4};
+    use crate::mesh::{self, Body, Mesh, Projection, pot};
+    use glam::{Mat3, Vec3, Vec4};
 
     fn skin(mesh: Mesh, width: u32, height: u32, wrap: Wrap) -> (Surface, Arc<Skin>) {
         let surface = Surface {
@@ -752,7 +752,7 @@ mod on_mesh {
             wrap,
             seed: 0,
         };
-        let skin = Skin::new(Arc::new(mesh), &surface).unwrap();
+        let skin = Skin::new(Arc::new(Body::new(Arc::new(mesh)).unwrap()), &surface);
         (surface, Arc::new(skin))
     }
 
@@ -909,6 +909,51 @@ mod on_mesh {
     }
 
     #[test]
+    fn a_stroke_goes_straight_over_the_charts_of_a_projection() {
+        let mut sphere = mesh::sphere();
+        Projection::Box.lay(&mut sphere);
+        let (surface, skin) = skin(sphere, 1024, 1024, Wrap::Repeat);
+        let groove = Brush {
+            radius: 0.1,
+            hardness: 0.9,
+            ..Brush::default()
+        };
+        // Around a great circle aslant, over all six sides and their corners.
+        let axis = Vec3::new(1.0, -1.0, 0.2).normalize();
+        let (a, b) = axis.any_orthonormal_pair();
+        let radius = skin.mesh().positions[0].length();
+        let path = (0..=360).map(|i| {
+            let (sin, cos) = (i as f32).to_radians().sin_cos();
+            let out = a * cos + b * sin;
+            (out * radius, out)
+        });
+        let one = stroke_of(&groove, &skin, &path.collect::<Vec<_>>());
+        let strokes = painting(&surface, &skin, &[one]);
+        let (all, coverage) = painted(&strokes, &ground(surface.size), surface.size.rect());
+        let (mut sides, mut worst) = ([0; 6], 0.0f32);
+        each_place(&surface, &skin, |i, at, normal, frame| {
+            if coverage[i] < 1.0 {
+                return;
+            }
+            let along = axis.cross(at);
+            worst = worst.max(between(in_space(all.texel(i), frame), along));
+            let [x, y, z] = normal.abs().to_array();
+            let side = if x >= y.max(z) {
+                usize::from(normal.x < 0.0)
+            } else if y >= z {
+                2 + usize::from(normal.y < 0.0)
+            } else {
+                4 + usize::from(normal.z < 0.0)
+            };
+            sides[side] += 1;
+        });
+        println!("projected sphere: {sides:?} texels, {worst} degrees");
+        assert!(sides.iter().all(|n| *n > 300), "{sides:?}");
+        // Two texels beside a seam differ by no more than both are off.
+        assert!(worst <= 0.5, "{worst} degrees");
+    }
+
+    #[test]
     fn a_stroke_keeps_its_direction_over_the_joint_of_a_pots_handle() {
         let (surface, skin) = skin(pot(), 2048, 1707, Wrap::RepeatU);
         let groove = Brush {
@@ -990,6 +1035,116 @@ mod on_mesh {
     }
 
     #[test]
+    fn copies_lie_over_the_middle_of_the_mesh() {
+        let (surface, skin) = skin(mesh::torus(), 512, 256, Wrap::Repeat);
+        let path = on_surface(
+            skin.mesh(),
+            (0..=10).map(|i| Vec2::new(0.05 + 0.008 * i as f32, 0.2 + 0.01 * i as f32)),
+        );
+        let paint = |symmetry: Symmetry, turns: &[Mat3]| {
+            let groove = Brush {
+                radius: 0.06,
+                symmetry,
+                ..Brush::default()
+            };
+            let strokes: Vec<Arc<Stroke>> = turns
+                .iter()
+                .map(|turn| {
+                    let path: Vec<(Vec3, Vec3)> =
+                        path.iter().map(|(p, n)| (*turn * *p, *turn * *n)).collect();
+                    stroke_of(&groove, &skin, &path)
+                })
+                .collect();
+            let all = painting(&surface, &skin, &strokes);
+            painted(&all, &ground(surface.size), surface.size.rect())
+        };
+        let flip = |x: f32, y: f32| Mat3::from_diagonal(Vec3::new(x, y, 1.0));
+        let both = [
+            Mat3::IDENTITY,
+            flip(-1.0, 1.0),
+            flip(1.0, -1.0),
+            flip(-1.0, -1.0),
+        ];
+        let third = |n: u32| Mat3::from_rotation_y(std::f32::consts::TAU / 3.0 * n as f32);
+        let at = [0.1, 0.9]; // means nothing on a mesh
+        for (symmetry, turns) in [
+            (Symmetry::MirrorU { at: 0.1 }, &both[..2]),
+            (Symmetry::MirrorV { at: 0.1 }, &[both[0], both[2]]),
+            (Symmetry::MirrorBoth { at }, &both),
+            (
+                Symmetry::Radial {
+                    count: 3,
+                    center: at,
+                },
+                &[third(0), third(1), third(2)],
+            ),
+        ] {
+            let (one, covered) = paint(symmetry, &[Mat3::IDENTITY]);
+            let (many, wanted) = paint(Symmetry::None, turns);
+            let alone = paint(Symmetry::None, &turns[..1]).1.iter().sum::<f32>();
+            let sum = covered.iter().sum::<f32>();
+            assert!(
+                sum > 0.9 * alone * turns.len() as f32,
+                "{symmetry:?}: {sum}"
+            );
+            for i in 0..covered.len() {
+                assert!((covered[i] - wanted[i]).abs() < 2e-3, "{symmetry:?}, {i}");
+                if covered[i] == 1.0 {
+                    let (a, b) = (one.texel(i).axis, many.texel(i).axis);
+                    assert!(a.angle_to(b).to_degrees().abs() < 0.5, "{symmetry:?}, {i}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn smoothing_sees_nothing_of_another_chart() {
+        // Two squares that lie side by side in the layout, and far from each other in space.
+        let mut two = mesh::plane();
+        two.uvs.iter_mut().for_each(|uv| uv.x *= 0.5);
+        let n = two.positions.len() as u32;
+        for i in 0..n as usize {
+            two.positions
+                .push(two.positions[i] + Vec3::new(9.0, 0.0, 0.0));
+            two.normals.push(two.normals[i]);
+            two.tangents.push(two.tangents[i]);
+            two.uvs.push(two.uvs[i] + Vec2::new(0.5, 0.0));
+        }
+        let more: Vec<[u32; 3]> = two.triangles.iter().map(|t| t.map(|i| i + n)).collect();
+        two.triangles.extend(more);
+        let (surface, skin) = skin(two, 128, 64, Wrap::Clamp);
+        let mut below = AnisoMap::constant(surface.size, Wrap::Clamp, BELOW);
+        for i in 0..surface.size.texels() {
+            let (x, y) = (i % 128, i / 128);
+            let texel = Texel {
+                alpha_x: if x < 64 { 0.1 } else { 0.9 },
+                alpha_y: if y % 2 == 0 { 0.2 } else { 0.4 },
+                axis: Axis::U,
+            };
+            below.region_mut().set(i, texel);
+        }
+        let smooth = Brush {
+            tool: Tool::Smooth(Smooth { reach: 0.1 }),
+            radius: 0.4,
+            ..Brush::default()
+        };
+        let path = on_surface(
+            skin.mesh(),
+            (1..=9).map(|i| Vec2::new(0.45, 0.1 * i as f32)),
+        );
+        let one = stroke_of(&smooth, &skin, &path);
+        let all = painting(&surface, &skin, &[one]);
+        let (now, coverage) = painted(&all, &below, surface.size.rect());
+        let mut evened = 0;
+        for i in (0..coverage.len()).filter(|i| coverage[*i] > 0.99) {
+            let texel = now.texel(i);
+            assert!((texel.alpha_x - if i % 128 < 64 { 0.1 } else { 0.9 }).abs() < 1e-5);
+            evened += u32::from((texel.alpha_y - 0.3).abs() < 0.02);
+        }
+        assert!(evened > 300, "{evened} texels");
+    }
+
+    #[test]
     fn what_faces_away_keeps_its_own_paint() {
         let (surface, skin) = skin(pot(), 512, 427, Wrap::RepeatU);
         let wide = Brush {
@@ -1034,6 +1189,11 @@ mod on_mesh {
             radius in 0.02f32..0.3,
             hardness in 0.0f32..=1.0,
             spacing in prop_oneof![Just(0.0f32), 0.1f32..1.0],
+            symmetry in prop::sample::select(vec![
+                Symmetry::None,
+                Symmetry::MirrorBoth { at: [0.5; 2] },
+                Symmetry::Radial { count: 3, center: [0.5; 2] },
+            ]),
             start in (0.0f32..1.0, 0.0f32..1.0),
             steps in prop::collection::vec((-0.05f32..0.05, -0.05f32..0.05), 0..6),
         ) -> (Brush, Vec<Vec2>) {
@@ -1043,7 +1203,7 @@ mod on_mesh {
                 at += Vec2::from(step);
                 walk.push(at);
             }
-            (Brush { tool, radius, hardness, spacing, jitter: 0.3, flow: 0.8, ..Brush::default() }, walk)
+            (Brush { tool, radius, hardness, spacing, symmetry, jitter: 0.3, flow: 0.8, ..Brush::default() }, walk)
         }
     }
 

@@ -6,7 +6,7 @@ use super::{Look, Material, Picture, Scene, Stage, Timings, sample_grid};
 use crate::error::Result;
 use crate::filter::Pyramid;
 use crate::map::{AnisoMap, Rect, Region, Size, gathered};
-use crate::mesh::Mesh;
+use crate::mesh::{Held, Mesh};
 use crate::progress::Progress;
 use crate::raster::{Corners, Cull, Geometry, Plan, TILE, Tile, View};
 use rayon::prelude::*;
@@ -36,7 +36,7 @@ impl<'a> Prepared<'a> {
     /// # Errors
     /// When the mesh's arrays do not fit together, or the material holds numbers that are not allowed.
     pub fn new(
-        mesh: impl Into<Cow<'a, Mesh>>,
+        mesh: impl Into<Held<'a>>,
         map: impl Into<Cow<'a, AnisoMap>>,
         material: Material,
         timings: &Timings,

@@ -1,18 +1,17 @@
 //! A mesh made ready to be drawn again and again: what does not depend on the camera.
 
 use crate::error::{Error, Result};
-use crate::mesh::Mesh;
+use crate::mesh::{Held, Mesh};
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x8};
 use glam::Vec3;
 use rayon::prelude::*;
-use std::borrow::Cow;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A mesh with its attributes in the order in which they are interpolated.
 #[derive(Debug)]
 pub struct Geometry<'a> {
-    mesh: Cow<'a, Mesh>,
+    mesh: Held<'a>,
     id: u64,
     pub(super) rows: Vec<Row>,
     /// What is known of each triangle.
@@ -24,7 +23,7 @@ impl<'a> Geometry<'a> {
     ///
     /// # Errors
     /// When there are not as many normals, tangents and uvs as positions, or a triangle names a vertex that is not there.
-    pub fn new(mesh: impl Into<Cow<'a, Mesh>>) -> Result<Self> {
+    pub fn new(mesh: impl Into<Held<'a>>) -> Result<Self> {
         let mesh = mesh.into();
         check(&mesh)?;
         let vertices = (0..mesh.positions.len()).into_par_iter().with_min_len(4096);

@@ -1,9 +1,7 @@
 //! A recipe to a map, in two steps: [`Recipe::prepare`] does once what needs the whole; [`Prepared::fill`] is pure and
 //! gives for any rectangle exactly what the whole would.
 
-use super::files::is_path;
 use super::layer::{Blend, below, derived_seed};
-use super::unknown_word;
 use super::{Channels, Files, Layer, Mask, MaskSource, Recipe, Source};
 use crate::coverage::DrawnMask;
 use crate::error::{Error, Result};
@@ -12,7 +10,7 @@ use crate::map::{
     SlopeCovariance, Texel, blend, blend_numbers,
 };
 use crate::math::{self, AXIS_MIN_LENGTH, Axis, smoothstep};
-use crate::mesh;
+use crate::mesh::Body;
 use crate::paint::{Painting, Skin, Strokes};
 use crate::pattern::{Fill, Patch, Surface};
 use crate::progress::Progress;
@@ -95,6 +93,53 @@ pub struct Prepared {
     surface: Surface,
     layers: Vec<PreparedLayer>,
     adjust: Option<Turned>,
+    shelf: Shelf,
+}
+
+/// The meshes that strokes lie on, read and prepared once for all layers.
+#[derive(Clone, Default)]
+struct Shelf {
+    /// By the words of recipes.
+    bodies: Vec<(String, Arc<Body>)>,
+    skins: Vec<Arc<Skin>>,
+}
+
+impl Shelf {
+    fn body(&mut self, key: &str, word: &str, files: &Files) -> Result<Arc<Body>> {
+        if let Some((_, body)) = self.bodies.iter().find(|(known, _)| known == word) {
+            return Ok(Arc::clone(body));
+        }
+        let body = Arc::new(Body::new(Arc::new(files.mesh(key, word)?))?);
+        self.bodies.push((word.to_owned(), Arc::clone(&body)));
+        Ok(body)
+    }
+
+    fn skin(
+        &mut self,
+        key: &str,
+        word: &str,
+        surface: &Surface,
+        files: &Files,
+    ) -> Result<Arc<Skin>> {
+        let body = self.body(key, word, files)?;
+        if let Some(skin) = self.skins.iter().find(|s| s.is_of(&body, surface)) {
+            return Ok(Arc::clone(skin));
+        }
+        let skin = Arc::new(Skin::new(body, surface));
+        self.skins.push(Arc::clone(&skin));
+        Ok(skin)
+    }
+
+    /// Lets go of what a recipe's map of a surface has no use for.
+    fn tidy(&mut self, recipe: &Recipe, surface: &Surface) {
+        let strokes = recipe.layers.iter().flat_map(Layer::all_strokes);
+        let words: Vec<&String> = strokes.filter_map(|s| s.mesh.as_ref()).collect();
+        self.bodies
+            .retain(|(word, _)| recipe.mesh.as_ref() == Some(word) || words.contains(&word));
+        let bodies = &self.bodies;
+        self.skins
+            .retain(|s| bodies.iter().any(|(_, b)| s.is_of(b, surface)));
+    }
 }
 
 #[derive(Clone)]
@@ -161,7 +206,7 @@ impl Recipe {
     /// As [`Recipe::check`], when a file that it names may not or cannot be read, and [`crate::Error::Cancelled`] when
     /// `progress`, which is asked before each layer and mask, says so.
     pub fn prepare(&self, size: Size, files: &Files, progress: &Progress<'_>) -> Result<Prepared> {
-        self.prepare_from(&[], size, files, progress)
+        self.prepare_from(None, size, files, progress)
     }
 
     /// As [`Recipe::prepare`], with the sources and masks taken over from `before` that are as they were there: after a change
@@ -176,12 +221,12 @@ impl Recipe {
         files: &Files,
         progress: &Progress<'_>,
     ) -> Result<Prepared> {
-        self.prepare_from(&before.layers, size, files, progress)
+        self.prepare_from(Some(before), size, files, progress)
     }
 
     fn prepare_from(
         &self,
-        before: &[PreparedLayer],
+        before: Option<&Prepared>,
         size: Size,
         files: &Files,
         progress: &Progress<'_>,
@@ -197,14 +242,22 @@ impl Recipe {
         let layers = (0..).zip(&self.layers);
         let shown = layers.filter(|(_, l)| l.visible && l.opacity > 0.0);
         let adjust = self.adjust;
+        let mut shelf = before.map_or_else(Shelf::default, |b| b.shelf.clone());
+        shelf.tidy(self, &surface);
+        let before = before.map_or(&[][..], |b| &b.layers);
+        let mut around = Around {
+            before,
+            mesh: self.mesh.as_deref(),
+            shelf: &mut shelf,
+            files,
+            progress,
+        };
+        let layers = shown.map(|(i, layer)| prepare_layer((i, layer), &surface, &mut around));
+        let layers = layers.collect::<Result<_>>()?;
         Ok(Prepared {
             surface,
-            layers: shown
-                .map(|(i, layer)| {
-                    let mesh = self.mesh.as_deref();
-                    prepare_layer((i, layer), (before, mesh), &surface, files, progress)
-                })
-                .collect::<Result<_>>()?,
+            layers,
+            shelf,
             adjust: (adjust != super::Adjust::default()).then(|| Turned {
                 alpha_x: adjust.alpha_x,
                 alpha_y: adjust.alpha_y,
@@ -254,15 +307,14 @@ fn feather_texels(mask: &Mask, surface: &Surface) -> Vec2 {
 fn skin(
     at: &str,
     strokes: &Strokes,
-    mesh: Option<&str>,
     surface: &Surface,
-    files: &Files,
+    around: &mut Around<'_>,
 ) -> Result<Option<Arc<Skin>>> {
     if !strokes.need_mesh() {
         return Ok(None);
     }
     let key = format!("{at}.mesh");
-    let (key, word) = match (&strokes.mesh, mesh) {
+    let (key, word) = match (&strokes.mesh, around.mesh) {
         (Some(word), _) => (key, word.as_str()),
         (None, Some(word)) => ("mesh".to_owned(), word),
         (None, None) => {
@@ -271,23 +323,26 @@ fn skin(
                 .with_hint("Name it there, or as the recipe's own `mesh`"));
         }
     };
-    let mesh = if is_path(word) {
-        mesh::load(&files.resolve(&key, word)?)?
-    } else {
-        let names = mesh::BUILTIN_NAMES;
-        mesh::builtin(word).ok_or_else(|| unknown_word(&key, word, &names))?
-    };
-    Ok(Some(Arc::new(Skin::new(Arc::new(mesh), surface)?)))
+    let skin = around.shelf.skin(&key, word, surface, around.files)?;
+    Ok(Some(skin))
+}
+
+/// What layers are prepared from, beside themselves.
+struct Around<'a> {
+    before: &'a [PreparedLayer],
+    /// The recipe's mesh.
+    mesh: Option<&'a str>,
+    shelf: &'a mut Shelf,
+    files: &'a Files,
+    progress: &'a Progress<'a>,
 }
 
 fn prepare_layer(
     (at, layer): (usize, &Layer),
-    (before, mesh): (&[PreparedLayer], Option<&str>),
     surface: &Surface,
-    files: &Files,
-    progress: &Progress<'_>,
+    around: &mut Around<'_>,
 ) -> Result<PreparedLayer> {
-    progress.check()?;
+    around.progress.check()?;
     let own = Surface {
         seed: layer.seed_in(surface.seed),
         ..*surface
@@ -297,28 +352,26 @@ fn prepare_layer(
         source: layer.source.clone(),
         mask: layer.mask.clone(),
         surface: own,
-        mesh: mesh.filter(|_| layer.needs_mesh()).map(str::to_owned),
+        mesh: around
+            .mesh
+            .filter(|_| layer.needs_mesh())
+            .map(str::to_owned),
     };
+    let before = around.before;
     let alike = || before.iter().filter(|old| old.of.surface == own);
     let source = alike().find(|old| old.of.source == of.source && old.of.mesh == of.mesh);
     let mask = alike().find(|old| old.of.mask == of.mask && old.of.mesh == of.mesh);
     let (source, mended) = match source {
         Some(old) => (old.source.clone(), old.mended),
-        None => prepare_source(at, &layer.source, (&own, mesh), files, progress)?,
+        None => prepare_source(at, &layer.source, &own, around)?,
     };
     let mask = match (mask, &layer.mask) {
         (Some(old), _) => old.mask.clone(),
         (None, None) => None,
         (None, Some(mask)) => {
-            progress.check()?;
+            around.progress.check()?;
             let key = format!("layers.{at}.mask");
-            Some(Arc::new(prepare_mask(
-                &key,
-                mask,
-                (&own, mesh),
-                files,
-                progress,
-            )?))
+            Some(Arc::new(prepare_mask(&key, mask, &own, around)?))
         }
     };
     Ok(PreparedLayer {
@@ -336,28 +389,30 @@ fn prepare_layer(
 fn prepare_source(
     at: usize,
     source: &Source,
-    (own, mesh): (&Surface, Option<&str>),
-    files: &Files,
-    progress: &Progress<'_>,
+    own: &Surface,
+    around: &mut Around<'_>,
 ) -> Result<(PreparedSource, Mended)> {
     let key = format!("layers.{at}");
     let mut mended = Mended::default();
     let fill: Arc<dyn Fill> = match source {
         Source::Pattern(p) => p.prepare(own)?.into(),
         Source::Image(image) => {
-            let laid = image.prepare(&format!("{key}.image"), own, files)?;
+            let laid = image.prepare(&format!("{key}.image"), own, around.files)?;
             mended = laid.mended;
             Arc::new(laid)
         }
-        Source::Stored(stored) => Arc::new(stored.prepare(&format!("{key}.stored"), own, files)?),
+        Source::Stored(stored) => {
+            Arc::new(stored.prepare(&format!("{key}.stored"), own, around.files)?)
+        }
         Source::Guides(guides) => {
             let at = below(format!("{key}.guides"));
-            Arc::new(guides.prepare(own, progress).map_err(at)?)
+            Arc::new(guides.prepare(own, around.progress).map_err(at)?)
         }
         Source::Strokes(strokes) => {
             let key = format!("{key}.strokes");
-            let skin = skin(&key, strokes, mesh, own, files)?;
-            let painting = Painting::new(own, strokes, skin, progress).map_err(below(key))?;
+            let skin = skin(&key, strokes, own, around)?;
+            let painting =
+                Painting::new(own, strokes, skin, around.progress).map_err(below(key))?;
             return Ok((PreparedSource::Strokes(Arc::new(painting)), mended));
         }
     };
@@ -367,15 +422,14 @@ fn prepare_source(
 fn prepare_mask(
     at: &str,
     mask: &Mask,
-    (surface, mesh): (&Surface, Option<&str>),
-    files: &Files,
-    progress: &Progress<'_>,
+    surface: &Surface,
+    around: &mut Around<'_>,
 ) -> Result<PreparedMask> {
     let source = match &mask.source {
         MaskSource::Strokes(strokes) => {
-            let skin = skin(&format!("{at}.strokes"), strokes, mesh, surface, files)?;
+            let skin = skin(&format!("{at}.strokes"), strokes, surface, around)?;
             Weights::Painted {
-                painting: Painting::new(surface, strokes, skin, progress)?,
+                painting: Painting::new(surface, strokes, skin, around.progress)?,
                 start: mask.start.unwrap_or(0.0),
             }
         }
@@ -481,6 +535,29 @@ impl Prepared {
     /// The size it was prepared for.
     pub fn size(&self) -> Size {
         self.surface.size
+    }
+
+    /// The same, which knows a mesh of the recipe by the word for it: [`Recipe::prepare_after`] does not read it again.
+    #[must_use]
+    pub fn with_mesh(mut self, word: &str, body: &Arc<Body>) -> Self {
+        self.shelf.bodies.retain(|(known, _)| known != word);
+        self.shelf.bodies.push((word.to_owned(), Arc::clone(body)));
+        self
+    }
+
+    /// The mesh of that word, where it is known.
+    pub fn mesh(&self, word: &str) -> Option<&Arc<Body>> {
+        let found = self.shelf.bodies.iter().find(|(known, _)| known == word);
+        found.map(|(_, body)| body)
+    }
+
+    /// A mesh as this map lies on it, for strokes that are to be painted there; kept for those that come after.
+    ///
+    /// # Errors
+    /// As [`Files::mesh`], the mesh being named under `key`.
+    pub fn skin(&mut self, key: &str, word: &str, files: &Files) -> Result<Arc<Skin>> {
+        let surface = self.surface;
+        self.shelf.skin(key, word, &surface, files)
     }
 
     /// What its layers are filled onto; the seed is the recipe's.

@@ -1,8 +1,9 @@
 //! The files that a recipe names: only from its own folder, unless the user says otherwise. A recipe may come from a
 //! stranger, and must not make somebody's private picture part of a map that is passed on.
 
-use super::{Layer, Mask, MaskSource, Recipe, Source};
+use super::{Layer, Mask, MaskSource, Recipe, Source, unknown_word};
 use crate::error::{Error, Result};
+use crate::mesh::{self, Mesh, Projection};
 use std::path::{Component, Path, PathBuf};
 
 /// Where the files that a recipe names may lie.
@@ -42,6 +43,20 @@ impl Files {
         } else {
             Err(outside(key, name)) // a link that leads out
         }
+    }
+}
+
+impl Files {
+    /// The mesh that the recipe calls `word` under `key`: a built-in one, or a file.
+    ///
+    /// # Errors
+    /// For a word that is no shape, as [`Files::resolve`], and as [`mesh::load`].
+    pub fn mesh(&self, key: &str, word: &str) -> Result<Mesh> {
+        if is_path(word) {
+            let (file, projection) = Projection::split(word);
+            return mesh::load_with(&self.resolve(key, file)?, projection);
+        }
+        mesh::builtin(word).ok_or_else(|| unknown_word(key, word, &mesh::BUILTIN_NAMES))
     }
 }
 
@@ -152,7 +167,10 @@ impl Way {
     /// Renames a mesh, unless it is a built-in one.
     pub(crate) fn of_mesh(&self, mesh: &mut Option<String>) {
         if let Some(name) = mesh.as_mut().filter(|m| is_path(m)) {
-            self.of_file(name);
+            let (file, projection) = Projection::split(name);
+            let mut file = file.to_owned();
+            self.of_file(&mut file);
+            *name = Projection::join(&file, projection);
         }
     }
 

@@ -63,6 +63,71 @@ struct Active {
     live: Option<Flight>,
 }
 
+/// A layer made ready to be painted on, which takes a while.
+pub(super) struct Ready {
+    stack: recipe::Prepared,
+    active: Active,
+}
+
+impl Ready {
+    /// Of the layer `at`, which holds `strokes`, in a stack that is up to date; on a mesh, when there is a skin. Where there is a
+    /// `mask` that strokes begin with, `strokes` are those of the layer's mask. Tiles as they were before strokes may hold
+    /// `budget` bytes.
+    pub(super) fn new(
+        stack: recipe::Prepared,
+        (at, strokes, mask): (usize, &Strokes, Option<f32>),
+        skin: Option<Arc<Skin>>,
+        budget: usize,
+        progress: &Progress<'_>,
+    ) -> Result<Self> {
+        let surface = stack.surface();
+        let active = Active {
+            at,
+            surface,
+            painting: Painting::new(&surface, strokes, skin.clone(), progress)?,
+            skin,
+            below: HashMap::new(),
+            above: HashMap::new(),
+            above_bytes: 0,
+            looks_over: stack.looks_over(at),
+            tiles: HashMap::new(),
+            kept: Kept {
+                budget,
+                ..Kept::default()
+            },
+            mask: mask.map(|start| MaskOf {
+                start,
+                layer: HashMap::new(),
+            }),
+            live: None,
+        };
+        Ok(Self { stack, active })
+    }
+
+    /// How much of each texel the layer's strokes have touched, in row order.
+    ///
+    /// # Errors
+    /// When `progress` says so.
+    pub(super) fn coverage(&self, progress: &Progress<'_>) -> Result<Vec<f32>> {
+        let size = self.stack.size();
+        let mut coverage = vec![self.active.start(); size.texels()];
+        let bands = coverage.par_chunks_mut((size.width() * SIDE) as usize);
+        bands.enumerate().try_for_each(|(n, band)| {
+            progress.check()?;
+            let y = n as u32 * SIDE;
+            let rect = Rect {
+                x: 0,
+                y,
+                width: size.width(),
+                height: SIDE.min(size.height() - y),
+            };
+            self.active.painting.cover(rect, band);
+            Ok(())
+        })?;
+        Ok(coverage)
+    }
+}
+
 /// A layer whose mask is painted on. Then tiles hold the mask as their coverage, over a ground that means nothing.
 struct MaskOf {
     /// The mask before the first stroke.
@@ -157,40 +222,10 @@ impl Canvas {
         self.active.as_ref().map(|a| (a.at, a.mask.is_some()))
     }
 
-    /// Makes the layer `at`, which holds `strokes`, the one that is painted on, in a stack that is up to date; on a mesh, when
-    /// there is a skin. Where there is a `mask` that strokes begin with, `strokes` are those of the layer's mask. Tiles as they
-    /// were before strokes may hold `budget` bytes.
-    pub(super) fn activate(
-        &mut self,
-        stack: recipe::Prepared,
-        (at, strokes, mask): (usize, &Strokes, Option<f32>),
-        skin: Option<Arc<Skin>>,
-        budget: usize,
-    ) -> Result<()> {
-        self.stack = stack;
-        self.active = None;
-        let surface = self.stack.surface();
-        self.active = Some(Active {
-            at,
-            surface,
-            painting: Painting::new(&surface, strokes, skin.clone(), &Progress::none())?,
-            skin,
-            below: HashMap::new(),
-            above: HashMap::new(),
-            above_bytes: 0,
-            looks_over: self.stack.looks_over(at),
-            tiles: HashMap::new(),
-            kept: Kept {
-                budget,
-                ..Kept::default()
-            },
-            mask: mask.map(|start| MaskOf {
-                start,
-                layer: HashMap::new(),
-            }),
-            live: None,
-        });
-        Ok(())
+    /// Lets a layer be painted on from now on.
+    pub(super) fn take_over(&mut self, ready: Ready) {
+        self.stack = ready.stack;
+        self.active = Some(ready.active);
     }
 
     /// How many strokes the layer that is painted on has.

@@ -57,6 +57,22 @@ pub fn memory_warning(recipe: &Recipe, size: Size, free: Option<u64>) -> Option<
     })
 }
 
+/// Bytes a triangle of a mesh, while it is read, looked over and drawn; measured with meshes of ten million.
+const TRIANGLE: u64 = 450;
+
+/// What to tell before a mesh is read that takes more than half of the memory that is free; `None` where it takes less, or the
+/// system does not tell what is free.
+pub fn mesh_warning(triangles: usize, free: Option<u64>) -> Option<String> {
+    let needed = triangles as u64 * TRIANGLE;
+    let free = free.filter(|free| needed > free / 2)?;
+    let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+    Some(format!(
+        "To paint on it takes about {:.1} GiB of memory; {:.1} GiB are free. A mesh with fewer triangles shows the same map.",
+        gib(needed),
+        gib(free)
+    ))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,5 +94,13 @@ mod tests {
             "{told}"
         );
         assert!(memory_warning(&recipe, size(16384), None).is_some());
+    }
+
+    #[test]
+    fn a_large_mesh_is_told_before_it_is_read() {
+        assert_eq!(mesh_warning(10_000_000, None), None);
+        assert_eq!(mesh_warning(10_000, Some(1 << 30)), None);
+        let told = mesh_warning(10_000_000, Some(4 << 30)).unwrap();
+        assert!(told.contains("4.0 GiB are free"), "{told}");
     }
 }

@@ -24,6 +24,7 @@ mod locate;
 mod memory;
 mod paths;
 mod pick;
+mod ready;
 pub mod view;
 mod viewport;
 mod welcome;
@@ -34,16 +35,17 @@ pub use history::{History, Step};
 pub use journal::{Base, Journal, LeftBehind, left_behind};
 pub use layers::free_name;
 use layers::label;
-pub use memory::{bytes_free, bytes_needed, memory_warning};
+pub use memory::{bytes_free, bytes_needed, memory_warning, mesh_warning};
 pub use pick::{Hit, pick};
+pub use ready::CoverageOrder;
 pub use viewport::{Quality, Show, Viewport};
 pub use welcome::welcome;
 
 use crate::error::{Error, Result};
 use crate::filter::Pyramid;
 use crate::map::{AnisoMap, DEFAULT_TEXEL, Rect, Size, Wrap};
-use crate::mesh::{self, Mesh};
-use crate::paint::{Brush, Point, Skin};
+use crate::mesh::{self, Body, Mesh};
+use crate::paint::{Brush, Point};
 use crate::preview::{Prepared, Scene, Timings};
 use crate::progress::Progress;
 use crate::raster::Geometry;
@@ -76,6 +78,9 @@ pub struct Options {
     pub journals: Option<PathBuf>,
     /// Bytes that undo may hold.
     pub undo_bytes: usize,
+    /// How long the beginning of a stroke may wait until its layer is ready to be painted on. After that the stroke is kept, and
+    /// painted by [`Studio::tick`] as soon as the layer is ready. Without a limit nothing that follows a stroke comes before it.
+    pub patience: Duration,
 }
 
 impl Default for Options {
@@ -83,6 +88,7 @@ impl Default for Options {
         Self {
             journals: None,
             undo_bytes: 256 << 20,
+            patience: Duration::MAX,
         }
     }
 }
@@ -109,10 +115,17 @@ pub struct Studio {
     canvas: Canvas,
     /// Mesh, composite map and colours. Shared with nobody but the thread that refines the picture.
     subject: Arc<Prepared<'static>>,
+    /// The subject's mesh.
+    body: Arc<Body>,
+    /// A mesh that was read already.
+    known: Option<(String, Arc<Body>)>,
+    /// Of the map, while it is new.
+    averages: Option<view::Averages>,
     scene: Scene,
     viewport: Viewport,
     timings: Timings,
     job: Option<Job>,
+    queue: ready::Queue,
     /// While a draft is shown: the stack of the whole map before, whose layers serve for the next.
     whole: Option<recipe::Prepared>,
     /// What the canvas and the subject show.
@@ -165,9 +178,13 @@ struct Made {
     is_draft: bool,
     stack: recipe::Prepared,
     pyramid: Pyramid<'static>,
+    averages: view::Averages,
     /// A mesh other than the one that stands.
-    geometry: Option<Geometry<'static>>,
+    body: Option<Shape>,
 }
+
+/// A mesh to be looked at and to be drawn.
+type Shape = (Arc<Body>, Geometry<'static>);
 
 impl Drop for Job {
     /// Nobody wants its result: it ends when it next asks, and nobody waits for that.
@@ -193,7 +210,8 @@ impl Studio {
     fn at_rest(document: Document, options: Options) -> Result<Self> {
         let stand_in = AnisoMap::constant(Size::new(1, 1)?, Wrap::Repeat, DEFAULT_TEXEL);
         let timings = Timings::on();
-        let mesh = mesh::builtin(DEFAULT_MESH).expect("a built-in mesh");
+        let mesh = Arc::new(mesh::builtin(DEFAULT_MESH).expect("a built-in mesh"));
+        let body = Arc::new(Body::new(Arc::clone(&mesh))?);
         let subject = Prepared::new(mesh, stand_in, document.recipe().material, &timings)?;
         let empty = Recipe {
             size: Size::new(1, 1)?,
@@ -206,9 +224,13 @@ impl Studio {
             canvas: Canvas::new(stack),
             scene: scene_of(document.recipe(), subject.mesh()),
             subject: Arc::new(subject),
+            body,
+            known: None,
+            averages: None,
             viewport: Viewport::new(Size::new(1, 1)?),
             timings,
             job: None,
+            queue: ready::Queue::default(),
             whole: None,
             shown: Shown::default(),
             solo: None,
@@ -280,6 +302,21 @@ impl Studio {
     /// Mesh, map and colours as they are drawn.
     pub fn subject(&self) -> &Arc<Prepared<'static>> {
         &self.subject
+    }
+
+    /// The same mesh, to be shared.
+    pub fn body(&self) -> &Arc<Body> {
+        &self.body
+    }
+
+    /// A mesh that was read already, by the word for it: it is not read again when it is to be shown.
+    pub fn know_mesh(&mut self, word: &str, body: Arc<Body>) {
+        self.known = Some((word.to_owned(), body));
+    }
+
+    /// The averages of a map that is new, once, unless it was painted on since.
+    pub fn take_averages(&mut self) -> Option<view::Averages> {
+        self.averages.take()
     }
 
     /// The 3D picture.
@@ -383,6 +420,7 @@ impl Studio {
     /// As [`Edit::apply`]; then nothing has changed.
     pub fn edit(&mut self, label: &str, edits: Vec<Edit>, key: Option<&str>) -> Result<()> {
         self.cancel_stroke();
+        self.land();
         let (back, touched) = self.apply_all(edits)?;
         self.history
             .push(Step::new(label, back, key.map(str::to_owned)));
@@ -401,6 +439,7 @@ impl Studio {
     /// When the document is read-only.
     pub fn undo(&mut self) -> Result<bool> {
         self.cancel_stroke();
+        self.land();
         let Some(step) = self.history.take_undo() else {
             return Ok(false);
         };
@@ -428,6 +467,7 @@ impl Studio {
     /// When the document is read-only.
     pub fn redo(&mut self) -> Result<bool> {
         self.cancel_stroke();
+        self.land();
         let Some(step) = self.history.take_redo() else {
             return Ok(false);
         };
@@ -540,6 +580,7 @@ impl Studio {
             return;
         }
         self.job = None; // stops it
+        self.queue.stop();
         let (send, result) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let done = Arc::new(AtomicU32::new(0));
@@ -548,6 +589,14 @@ impl Studio {
         let mesh = self.mesh_name().to_owned();
         let new_mesh = (self.shown.mesh.as_ref() != Some(&mesh)).then(|| mesh.clone());
         let before = self.whole.as_ref().unwrap_or(self.canvas.stack()).clone();
+        let before = match &self.shown.mesh {
+            Some(name) => before.with_mesh(name, &self.body),
+            None => before,
+        };
+        let before = match self.known.take_if(|(word, _)| *word == mesh) {
+            Some((word, body)) => before.with_mesh(&word, &body),
+            None => before,
+        };
         let draft = draft_size(&recipe);
         let thread = std::thread::Builder::new().name("map".to_owned()).spawn({
             let (stop, done) = (stop.clone(), done.clone());
@@ -558,18 +607,31 @@ impl Studio {
                     !stop.load(Ordering::Relaxed)
                 };
                 let progress = Progress::new(&report);
-                let mut mesh = new_mesh.as_deref();
+                let mut before = before;
+                let mut body = None;
+                if let Some(word) = new_mesh.as_deref() {
+                    match apart(|| open_mesh(word, &before, &files)) {
+                        Ok((new, geometry)) => {
+                            before = before.with_mesh(word, &new);
+                            body = Some((new, geometry));
+                        }
+                        Err(error) => {
+                            let _ = send.send(Err(error));
+                            return;
+                        }
+                    }
+                }
                 if let Some(size) = draft {
                     let none = Progress::none(); // so small that it is shown in any case
-                    let mesh = mesh.take();
-                    let made = apart(|| make(&recipe, (size, true), &files, &before, mesh, &none));
+                    let body = body.take();
+                    let made = apart(|| make(&recipe, (size, true), &files, &before, body, &none));
                     let failed = made.is_err();
                     if send.send(made).is_err() || failed {
                         return;
                     }
                 }
                 let whole = (recipe.size, false);
-                let made = apart(|| make(&recipe, whole, &files, &before, mesh, &progress));
+                let made = apart(|| make(&recipe, whole, &files, &before, body, &progress));
                 let _ = send.send(made); // nobody may be there any more
             }
         });
@@ -595,7 +657,8 @@ impl Studio {
     pub fn tick(&mut self) -> Tick {
         self.catch_up(Some(CATCH_UP));
         // What is made meanwhile would take the stroke in flight away: it waits until the pen is lifted.
-        let job = self.job.as_ref().filter(|_| !self.canvas.is_drawing());
+        self.follow_making();
+        let job = self.job.as_ref().filter(|_| !self.is_drawing());
         let finished = job.map(|job| match job.result.try_recv() {
             Ok(made) => Some(made),
             Err(TryRecvError::Empty) => None,
@@ -672,12 +735,15 @@ impl Studio {
     }
 
     fn show(&mut self, made: Made) {
-        let moved = made.geometry.is_some();
+        let moved = made.body.is_some();
+        self.queue.stop();
         let subject = self.subject_mut();
         subject.set_map(made.pyramid);
-        if let Some(geometry) = made.geometry {
+        if let Some((body, geometry)) = made.body {
             subject.set_mesh(geometry);
+            self.body = body;
         }
+        self.averages = Some(made.averages);
         self.canvas = Canvas::new(made.stack);
         if moved {
             self.scene = scene_of(self.document.recipe(), self.subject.mesh());
@@ -707,7 +773,7 @@ impl Studio {
             all.map.extend(tick.map);
             all.new_map |= tick.new_map;
             all.picture |= tick.picture;
-            if self.job.is_none() {
+            if self.job.is_none() && !self.queue.is_making() {
                 return all;
             }
             std::thread::sleep(Duration::from_millis(1));
@@ -737,10 +803,7 @@ impl Studio {
     /// # Errors
     /// When the layer holds no strokes or is not shown, the brush does not check, or the document is read-only.
     pub fn begin_stroke(&mut self, brush: Arc<Brush>, seed: u32) -> Result<()> {
-        self.cancel_stroke();
-        brush.check()?;
-        self.activate(false)?;
-        self.canvas.begin(brush, seed, None)
+        self.begin(brush, seed, false)
     }
 
     /// Begins a stroke on the mesh. The brush's lengths are in surface units, as those of a stroke in UV.
@@ -748,15 +811,17 @@ impl Studio {
     /// # Errors
     /// As [`Studio::begin_stroke`], when the mesh cannot be painted on, or the layer's strokes lie on another one.
     pub fn begin_mesh_stroke(&mut self, brush: Arc<Brush>, seed: u32) -> Result<()> {
-        self.cancel_stroke();
-        brush.check()?;
-        self.activate(true)?;
-        let skin = self.canvas.skin().cloned();
-        self.canvas.begin(brush, seed, skin)
+        self.begin(brush, seed, true)
     }
 
     /// Lets the stroke in flight go on to a point of UV.
     pub fn stroke_to(&mut self, point: Point) {
+        if !self.keep_uv(point) {
+            self.go_on(point);
+        }
+    }
+
+    fn go_on(&mut self, point: Point) {
         let dirty = self.canvas.go_on(|live| live.push(point));
         self.repaint(dirty);
         if let Some((brush, seed)) = self.full_stroke() {
@@ -773,7 +838,7 @@ impl Studio {
     fn full_stroke(&mut self) -> Option<(Arc<Brush>, u32)> {
         let live = self.canvas.live().filter(|live| live.is_full())?;
         let next = (live.brush().clone(), live.seed());
-        match self.end_stroke() {
+        match self.end_now() {
             Ok(_) => Some(next),
             Err(error) => {
                 self.trouble.push(error);
@@ -785,6 +850,12 @@ impl Studio {
     /// Lets the stroke in flight go on to a place of the mesh: its position, the surface's normal, the pen's pressure from 0
     /// to 1. See [`Studio::pick`].
     pub fn mesh_stroke_to(&mut self, position: Vec3, normal: Vec3, pressure: f32) {
+        if !self.keep_on_mesh(position, normal, pressure) {
+            self.go_on_mesh(position, normal, pressure);
+        }
+    }
+
+    fn go_on_mesh(&mut self, position: Vec3, normal: Vec3, pressure: f32) {
         let dirty = self
             .canvas
             .go_on(|live| live.push_on_mesh(position, normal, pressure));
@@ -805,7 +876,7 @@ impl Studio {
     pub fn pick(&self, place: Vec2) -> Option<Hit> {
         let (place, size) = self.viewport.in_panel(place);
         // The camera drew a picture: its numbers are allowed.
-        pick(self.subject.mesh(), &self.scene.camera, size, place).ok()?
+        pick(&self.body, &self.scene.camera, size, place).ok()?
     }
 
     /// Lets the stroke in flight on the mesh go along a straight line over the 3D picture, from where the pen was to where it
@@ -821,14 +892,21 @@ impl Studio {
         }
     }
 
-    /// Ends the stroke in flight: it is a step of the history now. `false` when it painted nothing, as a groove without a
-    /// direction.
+    /// Ends the stroke in flight: it is a step of the history now, or as soon as its layer is ready. `false` when it painted
+    /// nothing, as a groove without a direction.
     ///
     /// # Errors
     /// When the layer takes no more strokes; the stroke is then gone.
     pub fn end_stroke(&mut self) -> Result<bool> {
+        if self.end_waiting() {
+            return Ok(true);
+        }
+        self.end_now()
+    }
+
+    fn end_now(&mut self) -> Result<bool> {
         let Some(stroke) = self.canvas.end() else {
-            self.cancel_stroke();
+            self.cancel_live();
             return Ok(false);
         };
         let (layer, mask) = self.canvas.active().expect("it was painted on");
@@ -870,21 +948,26 @@ impl Studio {
 
     /// Whether a stroke is in flight.
     pub fn is_drawing(&self) -> bool {
-        self.canvas.is_drawing()
+        self.canvas.is_drawing() || self.is_keeping()
     }
 
     /// Takes the stroke in flight away.
     pub fn cancel_stroke(&mut self) {
+        self.cancel_waiting();
+        self.cancel_live();
+    }
+
+    fn cancel_live(&mut self) {
         let dirty = self.canvas.cancel();
         self.repaint(dirty);
     }
 
-    /// How much of each texel of the map the selected layer's strokes have touched, 0 to 1, or what its mask holds where that is
-    /// selected; `None` for a layer without strokes.
-    pub fn coverage(&mut self) -> Option<Vec<f32>> {
-        self.activate(false).ok()?;
-        let whole = self.map().size().rect();
-        self.canvas.coverage(whole)
+    /// How much of each texel of a rectangle the selected layer's strokes have touched, 0 to 1, or what its mask holds where that is
+    /// selected, with the stroke in flight. `None` for a layer that is not being painted on: see [`Studio::coverage`].
+    pub fn coverage_in(&mut self, rect: Rect) -> Option<Vec<f32>> {
+        let is_shown = self.canvas.active() == Some((self.selected, self.on_mask));
+        let rect = rect.intersection(self.map().size().rect())?;
+        is_shown.then(|| self.canvas.coverage(rect))?
     }
 
     /// Bytes that map, caches and history hold, about.
@@ -892,65 +975,6 @@ impl Studio {
         let texels = self.map().size().texels();
         // Planes, the same side by side, and a third of the levels' 24 bytes.
         texels * (16 + 16 + 8) + self.canvas.bytes() + self.history.bytes()
-    }
-
-    /// Makes the selected layer the one that is painted on, on the mesh when that is wanted.
-    fn activate(&mut self, on_mesh: bool) -> Result<()> {
-        let (at, mask) = (self.selected, self.on_mask);
-        if on_mesh && self.shown.mesh.as_deref() != Some(self.mesh_name()) {
-            let name = format!("`{}`", self.mesh_name());
-            let allowed = "allowed: the one that is shown";
-            return Err(Error::invalid("the mesh to paint on", name, allowed)
-                .with_hint("It is being loaded, or could not be"));
-        }
-        if self.canvas.active() == Some((at, mask)) && (!on_mesh || self.canvas.skin().is_some()) {
-            return Ok(());
-        }
-        let recipe = self.shown_recipe().into_owned();
-        let layer = recipe.layers.get(at);
-        let Some(strokes) = layer.and_then(|l| l.strokes(mask)) else {
-            let value = layer.map_or("no layer", |l| l.name());
-            let (allowed, hint) = match mask {
-                false => ("a layer of strokes", "Add a paint layer"),
-                true => ("a layer with a painted mask", "Give it one"),
-            };
-            return Err(not_to_paint_on(value, allowed, hint));
-        };
-        if !layer.is_some_and(|l| l.visible && l.opacity > 0.0) {
-            let name = recipe.layers[at].name();
-            return Err(not_to_paint_on(
-                name,
-                "a layer that is shown",
-                "Show it first",
-            ));
-        }
-        // While the map of another recipe is being worked out the canvas is of the size that is shown.
-        let size = self.canvas.stack().size();
-        let files = self.document.files();
-        let none = Progress::none();
-        let stack = recipe.prepare_after(self.canvas.stack(), size, &files, &none)?;
-        let skin = if on_mesh || strokes.need_mesh() {
-            let shown = self.mesh_name();
-            let own = strokes.mesh.as_deref().unwrap_or(shown);
-            if own != shown {
-                let allowed = format!("a layer of strokes that lie on {shown}, not on {own}");
-                return Err(not_to_paint_on(
-                    layer.map_or("", |l| l.name()),
-                    &allowed,
-                    "Add a paint layer",
-                ));
-            }
-            let mesh = Arc::new(self.subject.mesh().clone());
-            Some(Arc::new(Skin::new(mesh, &stack.surface())?))
-        } else {
-            None
-        };
-        let budget = self.options.undo_bytes;
-        let mask = mask.then(|| layer.and_then(|l| l.mask.as_ref()?.start).unwrap_or(0.0));
-        // What the tiles hold is dropped with the canvas: the map has to have caught up before.
-        self.catch_up(None);
-        self.canvas
-            .activate(stack, (at, strokes, mask), skin, budget)
     }
 
     /// The strokes of a layer are one more or less than the canvas shows.
@@ -1001,6 +1025,7 @@ impl Studio {
             let parts: Vec<_> = std::mem::replace(&mut self.behind, later)
                 .into_iter()
                 .collect();
+            self.averages = None;
             let regions = self.canvas.compose(&parts);
             self.subject_mut().write_map(&regions);
             self.dirty.extend(parts.iter().map(|(_, rect)| *rect));
@@ -1014,6 +1039,7 @@ impl Studio {
     /// # Errors
     /// As [`Document::save`]; the work is kept.
     pub fn save(&mut self, path: &Path) -> Result<()> {
+        self.land();
         let from = self.document.files().folder;
         self.document.save(path)?;
         let to = self.document.files().folder;
@@ -1076,12 +1102,6 @@ pub fn apart<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// Why nothing can be painted.
-fn not_to_paint_on(layer: &str, allowed: &str, hint: &str) -> Error {
-    let (layer, allowed) = (format!("`{layer}`"), format!("allowed: {allowed}"));
-    Error::invalid("the layer to paint on", layer, allowed).with_hint(hint)
-}
-
 /// Texels of a map from which on a draft comes first, and of the draft at most.
 const DRAFT: [usize; 2] = [1 << 20, 1 << 18];
 /// Strokes that a draft is not worth laying anew for.
@@ -1110,30 +1130,29 @@ fn make(
     (size, is_draft): (Size, bool),
     files: &recipe::Files,
     before: &recipe::Prepared,
-    mesh: Option<&str>,
+    body: Option<Shape>,
     progress: &Progress<'_>,
 ) -> Result<Made> {
-    let geometry = match mesh {
-        Some(word) => Some(Geometry::new(open_mesh(word, files)?)?),
-        None => None,
-    };
     let stack = recipe.prepare_after(before, size, files, progress)?;
     let map = stack.map(progress)?;
     progress.check()?;
     Ok(Made {
         is_draft,
         stack,
+        averages: view::Averages::new(&map),
         pyramid: Pyramid::new(map),
-        geometry,
+        body,
     })
 }
 
-/// The mesh that a recipe names.
-fn open_mesh(word: &str, files: &recipe::Files) -> Result<Mesh> {
-    match mesh::builtin(word) {
-        Some(mesh) => Ok(mesh),
-        None => mesh::load(&files.resolve("mesh", word)?),
-    }
+/// The mesh that a recipe names, or the one that is known by that name.
+fn open_mesh(word: &str, known: &recipe::Prepared, files: &recipe::Files) -> Result<Shape> {
+    let body = match known.mesh(word) {
+        Some(body) => Arc::clone(body),
+        None => Arc::new(Body::new(Arc::new(files.mesh("mesh", word)?))?),
+    };
+    let geometry = Geometry::new(Arc::clone(body.mesh()))?;
+    Ok((body, geometry))
 }
 
 /// The scene of a recipe on a mesh.

@@ -2,10 +2,9 @@
 
 use crate::error::Result;
 use crate::map::Size;
-use crate::mesh::Mesh;
+use crate::mesh::Body;
 use crate::raster::{Camera, View};
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 /// Where a line of sight meets a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +24,7 @@ pub struct Hit {
 ///
 /// # Errors
 /// When the camera's numbers are not allowed.
-pub fn pick(mesh: &Mesh, camera: &Camera, size: Size, place: Vec2) -> Result<Option<Hit>> {
+pub fn pick(body: &Body, camera: &Camera, size: Size, place: Vec2) -> Result<Option<Hit>> {
     let view = View::new(camera, size)?;
     let within = |x: f32, most: u32| f64::from(x).clamp(0.0, f64::from(most));
     let (x, y) = (
@@ -33,16 +32,11 @@ pub fn pick(mesh: &Mesh, camera: &Camera, size: Size, place: Vec2) -> Result<Opt
         within(place.y, size.height()),
     );
     let ray = view.ray_at(x, y);
-    let nearest = mesh
-        .triangles
-        .par_iter()
-        .with_min_len(8192)
-        .filter_map(|triangle| Some((meet(mesh, *triangle, ray)?, *triangle)))
-        .min_by(|(a, s), (b, t)| a.distance.total_cmp(&b.distance).then(s.cmp(t)));
-    let Some((met, triangle)) = nearest else {
+    let Some(met) = body.first_met(ray.0, ray.1) else {
         return Ok(None);
     };
-    let [i, j, k] = triangle.map(|i| i as usize);
+    let mesh = body.mesh();
+    let [i, j, k] = mesh.triangles[met.triangle as usize].map(|i| i as usize);
     let [a, b, c] = met.weights;
     let normal = mesh.normals[i] * a + mesh.normals[j] * b + mesh.normals[k] * c;
     let normal = normal.normalize_or(-ray.1);
@@ -61,32 +55,6 @@ pub fn pick(mesh: &Mesh, camera: &Camera, size: Size, place: Vec2) -> Result<Opt
     }))
 }
 
-struct Met {
-    distance: f32,
-    weights: [f32; 3],
-}
-
-/// Where a ray meets a triangle before the eye (Möller and Trumbore 1997).
-fn meet(mesh: &Mesh, triangle: [u32; 3], (origin, direction): (Vec3, Vec3)) -> Option<Met> {
-    let [a, b, c] = triangle.map(|i| mesh.positions[i as usize].as_dvec3());
-    let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
-    let (ab, ac) = (b - a, c - a);
-    let p = direction.cross(ac);
-    let determinant = ab.dot(p);
-    if determinant == 0.0 {
-        return None;
-    }
-    let s = (origin - a) / determinant;
-    let u = s.dot(p);
-    let q = s.cross(ab);
-    let (v, distance) = (direction.dot(q), ac.dot(q));
-    let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && distance > 0.0;
-    inside.then_some(Met {
-        distance: distance as f32,
-        weights: [1.0 - u - v, u, v].map(|w| w as f32),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -95,8 +63,10 @@ mod tests {
 
     #[test]
     fn the_nearest_side_is_met_where_the_eye_sees_it() {
-        let sphere = mesh::builtin("sphere").unwrap();
-        let camera = Scene::for_mesh(&sphere).camera;
+        let grown = |mesh| Body::new(std::sync::Arc::new(mesh)).unwrap();
+        let sphere = grown(mesh::sphere());
+        let plane = grown(mesh::plane());
+        let camera = Scene::for_mesh(sphere.mesh()).camera;
         let size = Size::new(200, 100).unwrap();
         let hit = pick(&sphere, &camera, size, Vec2::new(100.0, 50.0));
         let hit = hit.unwrap().unwrap();
@@ -108,7 +78,7 @@ mod tests {
         // A slow pen draws a straight line: places lie finer than pixels.
         let places: Vec<Vec3> = (0..20)
             .map(|i| Vec2::new(100.0 - 0.3 * i as f32, 50.0 - 1.1 * i as f32))
-            .filter_map(|place| pick(&mesh::plane(), &camera, size, place).unwrap())
+            .filter_map(|place| pick(&plane, &camera, size, place).unwrap())
             .map(|hit| hit.position)
             .collect();
         assert!(places.len() > 5);

@@ -59,11 +59,7 @@ fn files_of_the_wrong_kind_are_refused_and_the_work_stays() {
         ("empty.glb", b"", "the file is empty"),
         ("empty.obj", b"", "the file is empty"),
         ("torn.exr", b"v/1\x01\x02\0\0\0ch", "torn.exr"),
-        (
-            "flat.obj",
-            b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
-            "texture coordinates",
-        ),
+        ("bent.obj", b"v 0 0 0\nvt 0 0\nf 1/1 2/1 3/1\n", "position"),
         ("notes.txt", b"hello", "no recipe, map or mesh by its name"),
     ] {
         let path = elsewhere.path().join(name);
@@ -173,6 +169,32 @@ fn textures_come_in_once_it_is_said_what_they_mean() {
     // Undone at once, as any other layer.
     window.state_mut().desk.studio.undo().unwrap();
     assert_eq!(window.state().desk.studio.recipe().layers.len(), before);
+}
+
+#[test]
+fn a_mesh_without_texture_coordinates_is_given_some_when_that_is_wanted() {
+    let (mut window, folder) = saved_window();
+    let flat = folder.path().join("flat.obj");
+    std::fs::write(&flat, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    drop_files(&mut window, &[flat.clone()]);
+    assert!(matches!(&window.state().dialog, Some(Dialog::NoUvs(p)) if *p == flat));
+    button(&window, "Cancel");
+    window.run_steps(2);
+    assert!(window.state().dialog.is_none());
+    assert_eq!(window.state().desk.studio.recipe().mesh, None);
+    drop_files(&mut window, &[flat]);
+    button(&window, "Project from six sides");
+    for _ in 0..400 {
+        window.step();
+        if window.state().desk.studio.recipe().mesh.is_some() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let mesh = window.state().desk.studio.recipe().mesh.clone();
+    assert_eq!(mesh.as_deref(), Some("flat.obj#box"), "{}", told(&window));
+    settle(&mut window);
+    assert_eq!(window.state().desk.studio.mesh().triangles.len(), 1);
 }
 
 #[test]

@@ -63,7 +63,7 @@ fn glb(document: &Value, data: &[u8]) -> Vec<u8> {
 }
 
 fn read(document: &Value, data: &[u8]) -> Result<Mesh> {
-    let mesh = parse(Path::new("test.glb"), &glb(document, data))?;
+    let mesh = parse(Path::new("test.glb"), &glb(document, data), None)?;
     mesh.validate()?;
     Ok(mesh)
 }
@@ -362,7 +362,7 @@ fn every_truncation_is_refused() {
     let bytes = glb(&document, &data);
     for length in 0..bytes.len() {
         assert!(
-            parse(Path::new("t.glb"), &bytes[..length]).is_err(),
+            parse(Path::new("t.glb"), &bytes[..length], None).is_err(),
             "{length} bytes"
         );
     }
@@ -408,7 +408,7 @@ fn damaged_glbs_never_panic() {
                 break;
             }
         }
-        match parse(Path::new("t.glb"), &bytes) {
+        match parse(Path::new("t.glb"), &bytes, None) {
             Ok(mesh) => {
                 mesh.validate().unwrap();
                 good += 1;
@@ -432,6 +432,35 @@ fn broken_files() -> Vec<(&'static str, Vec<u8>)> {
         ("truncated.glb", whole[..whole.len() / 2].to_vec()),
         ("index_out_of_range.glb", glb(&document, &out_of_range)),
     ]
+}
+
+#[test]
+fn what_has_no_texture_coordinates_is_told_beforehand_and_given_some() {
+    let (mut document, data) = quad(true);
+    let whole = about(&serde_json::to_vec(&document).unwrap()).unwrap();
+    assert_eq!(whole, (2, true));
+    let primitive = &mut document["meshes"][0]["primitives"][0];
+    primitive["attributes"]
+        .as_object_mut()
+        .unwrap()
+        .remove("TEXCOORD_0");
+    let without = about(&serde_json::to_vec(&document).unwrap()).unwrap();
+    assert_eq!(without, (2, false));
+    let refused = read(&document, &data).unwrap_err().to_string();
+    assert!(refused.contains("#box"), "{refused}");
+    let bytes = glb(&document, &data);
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("quad.glb"), &bytes).unwrap();
+    let mesh = crate::mesh::load(&folder.path().join("quad.glb#box")).unwrap();
+    mesh.validate().unwrap();
+    assert_eq!((mesh.triangles.len(), mesh.name.as_str()), (2, "quad"));
+    assert_eq!(mesh.islands().mirrored, [false]);
+    let told = crate::mesh::about(&folder.path().join("quad.glb#box")).unwrap();
+    assert!(told.triangles == 2 && !told.has_uvs);
+    // What is damaged is told as without a projection.
+    for (name, bytes) in broken_files() {
+        assert!(parse(Path::new(name), &bytes, Some(Projection::Box)).is_err());
+    }
 }
 
 fn broken_folder() -> PathBuf {

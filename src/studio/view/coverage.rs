@@ -43,6 +43,11 @@ impl Coverage {
         })
     }
 
+    /// The size of its map.
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
     /// Replaces a rectangle, given in row order; what lies outside is left out.
     ///
     /// # Panics

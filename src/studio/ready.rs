@@ -1,0 +1,403 @@
+//! The layer that is painted on, made ready by a thread of its own; strokes that begin before it is there wait for it.
+//!
+//! What it takes is told by the document: a layer of a hundred thousand strokes has all of them laid, a mesh of millions of
+//! triangles all of them sorted. The pen does not wait: its points are kept, and painted as soon as they can be.
+
+use super::canvas::Ready;
+use super::{DEFAULT_MESH, Studio, apart, broken_off};
+use crate::error::{Error, Result};
+use crate::mesh::Body;
+use crate::paint::{Brush, POINTS_MAX, Point};
+use crate::progress::Progress;
+use crate::recipe::{self, Files, Recipe};
+use glam::Vec3;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// Where strokes go: a layer by its place or its mask, and whether they lie on the mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Ground {
+    layer: usize,
+    mask: bool,
+    on_mesh: bool,
+}
+
+/// What is being made ready.
+struct Making {
+    ground: Ground,
+    revision: u64,
+    stop: Arc<AtomicBool>,
+    result: Receiver<Result<Ready>>,
+}
+
+impl Drop for Making {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+/// A stroke that waits until its layer is ready.
+struct Waiting {
+    ground: Ground,
+    brush: Arc<Brush>,
+    seed: u32,
+    points: Vec<PenPoint>,
+    ended: bool,
+}
+
+/// Where the pen was.
+#[derive(Clone, Copy)]
+enum PenPoint {
+    Uv(Point),
+    Mesh(Vec3, Vec3, f32),
+}
+
+/// What waits to be painted on, and what waits for it.
+#[derive(Default)]
+pub(super) struct Queue {
+    making: Option<Making>,
+    waiting: VecDeque<Waiting>,
+}
+
+impl Queue {
+    /// What is being made ready is not wanted any more.
+    pub(super) fn stop(&mut self) {
+        self.making = None;
+    }
+
+    pub(super) fn is_making(&self) -> bool {
+        self.making.is_some()
+    }
+
+    fn open(&mut self) -> Option<&mut Waiting> {
+        self.waiting.back_mut().filter(|w| !w.ended)
+    }
+}
+
+/// What a thread needs to make a layer ready.
+struct Order {
+    recipe: Recipe,
+    files: Files,
+    before: recipe::Prepared,
+    /// The mesh that is shown.
+    shown: (String, Arc<Body>),
+    /// What the recipe calls its own.
+    mesh: String,
+    ground: Ground,
+    budget: usize,
+}
+
+impl Order {
+    fn carry_out(self, progress: &Progress<'_>) -> Result<Ready> {
+        let (name, body) = &self.shown;
+        let before = self.before.with_mesh(name, body);
+        let size = before.size();
+        let files = &self.files;
+        let stack = self.recipe.prepare_after(&before, size, files, progress)?;
+        let mut stack = stack.with_mesh(name, body);
+        let layer = &self.recipe.layers[self.ground.layer];
+        let strokes = layer
+            .strokes(self.ground.mask)
+            .expect("looked at before it was ordered");
+        let skin = if self.ground.on_mesh || strokes.need_mesh() {
+            let word = strokes.mesh.as_deref().unwrap_or(&self.mesh);
+            Some(stack.skin("mesh", word, files)?)
+        } else {
+            None
+        };
+        let start = || layer.mask.as_ref().and_then(|m| m.start).unwrap_or(0.0);
+        let mask = self.ground.mask.then(start);
+        let on = (self.ground.layer, strokes, mask);
+        Ready::new(stack, on, skin, self.budget, progress)
+    }
+}
+
+/// How much of each texel of a map a layer's strokes have touched, to be worked out where nobody waits.
+pub struct CoverageOrder(Order);
+
+impl CoverageOrder {
+    /// The numbers, 0 to 1, in row order.
+    ///
+    /// # Errors
+    /// When a file of the recipe cannot be read, and [`Error::Cancelled`] when `progress` says so.
+    pub fn carry_out(self, progress: &Progress<'_>) -> Result<Vec<f32>> {
+        self.0.carry_out(progress)?.coverage(progress)
+    }
+}
+
+impl Studio {
+    /// How much of each texel of the map the selected layer's strokes have touched, 0 to 1, or what its mask holds where that is
+    /// selected; without the stroke in flight. `None` for a layer without strokes.
+    pub fn coverage(&self) -> Option<CoverageOrder> {
+        let ground = self.ground(false);
+        let refused = self.refusal(ground).is_some();
+        (!refused).then(|| CoverageOrder(self.order(ground)))
+    }
+
+    /// A stroke may come soon, on the mesh or in UV: what it will need is made ready in the background. To be called while a pen
+    /// is over a picture; costs nothing when all is ready.
+    pub fn expect_stroke(&mut self, on_mesh: bool) {
+        let ground = self.ground(on_mesh);
+        let idle = self.job.is_none() && !self.is_drawing() && self.queue.making.is_none();
+        if idle && !self.is_ready(ground) && self.refusal(ground).is_none() {
+            self.make_ready(ground);
+        }
+    }
+
+    /// Whether a layer is being made ready to be painted on, and strokes may wait for it.
+    pub fn is_making_ready(&self) -> bool {
+        self.queue.is_making()
+    }
+
+    fn ground(&self, on_mesh: bool) -> Ground {
+        Ground {
+            layer: self.selected,
+            mask: self.on_mask,
+            on_mesh,
+        }
+    }
+
+    fn is_ready(&self, ground: Ground) -> bool {
+        self.canvas.active() == Some((ground.layer, ground.mask))
+            && (!ground.on_mesh || self.canvas.skin().is_some())
+    }
+
+    /// Begins a stroke, at once or as soon as its layer is ready.
+    pub(super) fn begin(&mut self, brush: Arc<Brush>, seed: u32, on_mesh: bool) -> Result<()> {
+        self.cancel_stroke();
+        brush.check()?;
+        let ground = self.ground(on_mesh);
+        if let Some(refusal) = self.refusal(ground) {
+            return Err(refusal);
+        }
+        if self.queue.waiting.is_empty() && !self.is_ready(ground) {
+            self.make_ready(ground);
+            self.wait_for_making(self.options.patience)?;
+        }
+        if self.queue.waiting.is_empty() && self.is_ready(ground) {
+            return self.begin_now(brush, seed, on_mesh);
+        }
+        self.queue.waiting.push_back(Waiting {
+            ground,
+            brush,
+            seed,
+            points: Vec::new(),
+            ended: false,
+        });
+        Ok(())
+    }
+
+    fn begin_now(&mut self, brush: Arc<Brush>, seed: u32, on_mesh: bool) -> Result<()> {
+        let skin = self.canvas.skin().filter(|_| on_mesh).cloned();
+        self.canvas.begin(brush, seed, skin)
+    }
+
+    /// Keeps a point of a stroke that waits; `false` where none does.
+    pub(super) fn keep_uv(&mut self, point: Point) -> bool {
+        self.keep(PenPoint::Uv(point))
+    }
+
+    /// The same of a stroke on the mesh.
+    pub(super) fn keep_on_mesh(&mut self, position: Vec3, normal: Vec3, pressure: f32) -> bool {
+        self.keep(PenPoint::Mesh(position, normal, pressure))
+    }
+
+    fn keep(&mut self, point: PenPoint) -> bool {
+        let Some(open) = self.queue.open() else {
+            return false;
+        };
+        if open.points.len() < POINTS_MAX {
+            open.points.push(point);
+        }
+        true
+    }
+
+    /// Ends a stroke that waits; `false` where none does.
+    pub(super) fn end_waiting(&mut self) -> bool {
+        let open = self.queue.open();
+        open.map(|open| open.ended = true).is_some()
+    }
+
+    /// Takes a stroke away that waits and has not ended.
+    pub(super) fn cancel_waiting(&mut self) {
+        if self.queue.open().is_some() {
+            self.queue.waiting.pop_back();
+        }
+    }
+
+    /// Whether a stroke is in flight that waits.
+    pub(super) fn is_keeping(&self) -> bool {
+        self.queue.waiting.back().is_some_and(|w| !w.ended)
+    }
+
+    /// Why no stroke can go there, as far as that can be told at once.
+    fn refusal(&self, ground: Ground) -> Option<Error> {
+        let shown = self.mesh_name();
+        if ground.on_mesh && self.shown.mesh.as_deref() != Some(shown) {
+            let allowed = "allowed: the one that is shown";
+            let error = Error::invalid("the mesh to paint on", format!("`{shown}`"), allowed);
+            return Some(error.with_hint("It is being loaded, or could not be"));
+        }
+        let layer = self.recipe().layers.get(ground.layer);
+        let Some(strokes) = layer.and_then(|l| l.strokes(ground.mask)) else {
+            let value = layer.map_or("no layer", |l| l.name());
+            let (allowed, hint) = match ground.mask {
+                false => ("a layer of strokes", "Add a paint layer"),
+                true => ("a layer with a painted mask", "Give it one"),
+            };
+            return Some(not_to_paint_on(value, allowed, hint));
+        };
+        let name = layer.map_or("", |l| l.name());
+        let is_alone = self.solo.is_none_or(|solo| solo == ground.layer);
+        let is_visible = layer.is_some_and(|l| l.visible || self.solo.is_some());
+        if !(is_alone && is_visible && layer.is_some_and(|l| l.opacity > 0.0)) {
+            let allowed = "a layer that is shown";
+            return Some(not_to_paint_on(name, allowed, "Show it first"));
+        }
+        let own = strokes.mesh.as_deref().unwrap_or(shown);
+        if ground.on_mesh && own != shown {
+            let allowed = format!("a layer of strokes that lie on {shown}, not on {own}");
+            return Some(not_to_paint_on(name, &allowed, "Add a paint layer"));
+        }
+        None
+    }
+
+    fn order(&self, ground: Ground) -> Order {
+        let shown = self.shown.mesh.as_deref().unwrap_or(DEFAULT_MESH);
+        Order {
+            recipe: self.shown_recipe().into_owned(),
+            files: self.document.files(),
+            // While the map of another recipe is being worked out the canvas is of the size that is shown.
+            before: self.canvas.stack().clone(),
+            shown: (shown.to_owned(), Arc::clone(&self.body)),
+            mesh: self.mesh_name().to_owned(),
+            ground,
+            budget: self.options.undo_bytes,
+        }
+    }
+
+    /// Begins to make a layer ready; what is being made for the same already goes on.
+    fn make_ready(&mut self, ground: Ground) {
+        let revision = self.document.revision();
+        let making = self.queue.making.as_ref();
+        if making.is_some_and(|m| m.ground == ground && m.revision == revision) {
+            return;
+        }
+        self.queue.making = None;
+        let order = self.order(ground);
+        let stop = Arc::new(AtomicBool::new(false));
+        let (send, result) = channel();
+        let held = Arc::clone(&stop);
+        let thread = std::thread::Builder::new().name("layer".to_owned());
+        let thread = thread.spawn(move || {
+            let wanted = |_: u64, _: u64| !held.load(Ordering::Relaxed);
+            let progress = Progress::new(&wanted);
+            let made = apart(|| order.carry_out(&progress));
+            let _ = send.send(made); // nobody may be there any more
+        });
+        match thread {
+            Ok(_) => {
+                self.queue.making = Some(Making {
+                    ground,
+                    revision,
+                    stop,
+                    result,
+                });
+            }
+            Err(e) => self
+                .trouble
+                .push(Error::machine("no thread can be started")(e)),
+        }
+    }
+
+    /// Takes over a layer that is ready, waiting so long for it at most.
+    fn wait_for_making(&mut self, patience: Duration) -> Result<()> {
+        let Some(making) = &self.queue.making else {
+            return Ok(());
+        };
+        let made = match making.result.recv_timeout(patience) {
+            Err(RecvTimeoutError::Timeout) => return Ok(()),
+            Err(RecvTimeoutError::Disconnected) => Err(broken_off()),
+            Ok(made) => made,
+        };
+        let revision = making.revision;
+        self.queue.making = None;
+        let ready = match made {
+            Err(Error::Cancelled) => return Ok(()),
+            made => made?,
+        };
+        if revision == self.document.revision() && !self.canvas.is_drawing() {
+            // What the tiles hold is dropped with the canvas: the map has to have caught up before.
+            self.catch_up(None);
+            self.canvas.take_over(ready);
+        }
+        Ok(())
+    }
+
+    /// Takes over what is ready, and paints the strokes that waited for it.
+    pub(super) fn follow_making(&mut self) {
+        if let Err(error) = self.wait_for_making(Duration::ZERO) {
+            // The same would come of it again.
+            self.queue.waiting.clear();
+            self.trouble.push(error);
+        }
+        while let Some(next) = self.queue.waiting.front() {
+            let ground = next.ground;
+            if !self.is_ready(ground) {
+                match self.refusal(ground) {
+                    None => return self.make_ready(ground),
+                    Some(refusal) => {
+                        self.queue.waiting.pop_front();
+                        self.trouble.push(refusal);
+                        continue;
+                    }
+                }
+            }
+            let Some(stroke) = self.queue.waiting.pop_front() else {
+                return;
+            };
+            if let Err(error) = self.paint_kept(stroke) {
+                self.trouble.push(error);
+            }
+        }
+    }
+
+    fn paint_kept(&mut self, stroke: Waiting) -> Result<()> {
+        self.begin_now(stroke.brush, stroke.seed, stroke.ground.on_mesh)?;
+        for point in stroke.points {
+            match point {
+                PenPoint::Uv(point) => self.go_on(point),
+                PenPoint::Mesh(position, normal, pressure) => {
+                    self.go_on_mesh(position, normal, pressure);
+                }
+            }
+        }
+        if stroke.ended {
+            self.end_now()?;
+        }
+        Ok(())
+    }
+
+    /// Waits until no ended stroke waits any more: what comes now, as an undo, comes after it.
+    pub(super) fn land(&mut self) {
+        while self.queue.waiting.iter().any(|w| w.ended) {
+            if let Err(error) = self.wait_for_making(Duration::from_millis(100)) {
+                self.queue.waiting.clear();
+                self.trouble.push(error);
+            }
+            self.follow_making();
+            if self.queue.making.is_none() && self.queue.waiting.iter().any(|w| w.ended) {
+                self.queue.waiting.clear(); // no thread is to be had: told already
+            }
+        }
+    }
+}
+
+/// Why nothing can be painted.
+fn not_to_paint_on(layer: &str, allowed: &str, hint: &str) -> Error {
+    let (layer, allowed) = (format!("`{layer}`"), format!("allowed: {allowed}"));
+    Error::invalid("the layer to paint on", layer, allowed).with_hint(hint)
+}
