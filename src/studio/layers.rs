@@ -235,56 +235,63 @@ impl Studio {
         Ok(())
     }
 
-    /// Makes one layer of strokes of a layer of strokes and the one below it.
+    /// Makes one layer of a layer and the one below it, where that looks just as both do: of two layers of strokes that show as they
+    /// are, or of any layer and one of strokes that has none.
     ///
     /// # Errors
-    /// When either holds no strokes, or shows otherwise than whole, when the upper one erases, or when they lie on different
-    /// meshes: then the result would look different.
+    /// When the result would look different, with what stands against it.
     pub fn merge_down(&mut self, at: usize) -> Result<()> {
         let upper = self.layer(at)?;
-        let lower = self.layer(at.wrapping_sub(1))?;
-        let refused = |layer: &Layer, allowed: &str| {
-            let name = format!("`{}`", layer.name());
-            Error::invalid("a layer to merge", name, allowed)
-                .with_hint("Anything else would not look the same afterwards")
-        };
-        let strokes = |layer: &Layer| match &layer.source {
-            Source::Strokes(strokes) if is_plain(layer) => Ok(strokes.clone()),
-            _ => Err(refused(
-                layer,
-                "allowed: two layers of strokes, each fully opaque, without a mask, on all channels",
-            )),
-        };
-        let (mut both, above) = (strokes(lower)?, strokes(upper)?);
-        if above.strokes.iter().any(|s| s.brush().tool == Tool::Erase) {
-            return Err(refused(
+        let Some(below) = at.checked_sub(1) else {
+            return Err(not_to_merge(
                 upper,
-                "allowed: a layer whose strokes do not erase: what they bring back lies in the layer below",
+                "the lowest",
+                "a layer with one below it",
             ));
+        };
+        let lower = self.layer(below)?;
+        let label = format!("Merge layer: {} into {}", upper.name(), lower.name());
+        let edits = if has_nothing(upper) {
+            vec![Edit::RemoveLayer { at }]
+        } else if has_nothing(lower) {
+            vec![Edit::RemoveLayer { at: below }]
+        } else {
+            let layer = Box::new(self.merged(lower, upper)?);
+            vec![
+                Edit::RemoveLayer { at },
+                Edit::SetLayer { at: below, layer },
+            ]
+        };
+        self.edit(&label, edits, None)?;
+        self.select(below);
+        Ok(())
+    }
+
+    /// Two layers of strokes as one.
+    fn merged(&self, lower: &Layer, upper: &Layer) -> Result<Layer> {
+        let (mut both, above) = (plain_strokes(lower)?.clone(), plain_strokes(upper)?.clone());
+        if above.strokes.iter().any(|s| s.brush().tool == Tool::Erase) {
+            let allowed =
+                "a layer whose strokes do not erase: what they bring back lies in the layer below";
+            return Err(not_to_merge(upper, "a layer that erases", allowed));
         }
         if above.need_mesh() {
             let own = |strokes: &Strokes| strokes.mesh.clone().or(self.recipe().mesh.clone());
-            if both.need_mesh() && own(&both) != own(&above) {
-                return Err(refused(
-                    upper,
-                    "allowed: a layer whose strokes lie on the same mesh",
-                ));
+            let (mine, other) = (own(&above), own(&both));
+            if both.need_mesh() && mine != other {
+                let name = |mesh: Option<String>| mesh.unwrap_or(super::DEFAULT_MESH.to_owned());
+                let (mine, other) = (name(mine), name(other));
+                let what = format!("on {mine}");
+                let allowed = format!("a layer whose strokes lie on {other}, as those below do");
+                return Err(not_to_merge(upper, &what, &allowed));
             }
             both.mesh = above.mesh;
         }
-        let label = format!("Merge layer: {} into {}", upper.name(), lower.name());
         both.strokes.extend(above.strokes);
-        let layer = Box::new(Layer {
+        Ok(Layer {
             source: Source::Strokes(both),
             ..lower.clone()
-        });
-        let edits = vec![
-            Edit::RemoveLayer { at },
-            Edit::SetLayer { at: at - 1, layer },
-        ];
-        self.edit(&label, edits, None)?;
-        self.select(at - 1);
-        Ok(())
+        })
     }
 
     fn layer(&self, at: usize) -> Result<&Layer> {
@@ -299,7 +306,37 @@ impl Studio {
     }
 }
 
-/// Whether a layer shows its source as it is.
-fn is_plain(layer: &Layer) -> bool {
-    layer.visible && layer.opacity == 1.0 && layer.mask.is_none() && layer.channels == Channels::ALL
+/// Whether a layer of strokes has none, so that it looks like nothing whatever its mask and opacity.
+fn has_nothing(layer: &Layer) -> bool {
+    matches!(&layer.source, Source::Strokes(strokes) if strokes.strokes.is_empty())
+}
+
+/// The strokes of a layer that shows them as they are; otherwise what stands against that.
+fn plain_strokes(layer: &Layer) -> Result<&Strokes> {
+    let refused = |value: String, allowed: &str| Err(not_to_merge(layer, &value, allowed));
+    match &layer.source {
+        Source::Strokes(_) if !layer.visible => {
+            refused("hidden".to_owned(), "a layer that is shown")
+        }
+        Source::Strokes(_) if layer.opacity < 1.0 => {
+            let opacity = format!("at {:.0} % opacity", 100.0 * layer.opacity);
+            refused(opacity, "a layer at 100 %")
+        }
+        Source::Strokes(_) if layer.mask.is_some() => {
+            refused("masked".to_owned(), "a layer without a mask")
+        }
+        Source::Strokes(_) if layer.channels != Channels::ALL => {
+            let allowed = "a layer that touches both widths and the direction";
+            refused("not on all channels".to_owned(), allowed)
+        }
+        Source::Strokes(strokes) => Ok(strokes),
+        other => refused(format!("a layer of {}", other.name()), "a layer of strokes"),
+    }
+}
+
+/// Why a layer cannot be merged.
+fn not_to_merge(layer: &Layer, is: &str, allowed: &str) -> Error {
+    let what = format!("the layer `{}`, to be merged,", layer.name());
+    Error::invalid(what, is, format!("allowed: {allowed}"))
+        .with_hint("Anything else would not look the same afterwards")
 }

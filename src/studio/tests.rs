@@ -4,7 +4,7 @@ use super::*;
 use crate::map::Region;
 use crate::paint::{Groove, Smooth, Tool};
 use crate::pattern::Pattern;
-use crate::recipe::{LAYERS_MAX, Layer, Mask, MaskSource, Source};
+use crate::recipe::{Channels, LAYERS_MAX, Layer, Mask, MaskSource, Source};
 
 const RECIPE: &str = "version = 1\nname = 'painted'\nsize = [320, 200]\naspect = 1.6\nseed = 5\n\
     [[layers]] # the base\nname = 'steel'\n[layers.brushed]\nangle = 20\n\
@@ -83,6 +83,88 @@ fn what_is_painted_is_what_is_generated() {
     assert!(studio.document().is_changed());
     assert!(studio.document().text().unwrap().contains("# the base"));
     assert_eq!(studio.history().len(), (4, 0));
+}
+
+#[test]
+fn a_stroke_that_begins_before_its_layer_is_ready_is_painted_when_it_is() {
+    let now = {
+        let mut studio = painted();
+        some_strokes(&mut studio);
+        studio.document().text().unwrap()
+    };
+    let mut studio = painted();
+    studio.viewport_mut().resize(Size::new(128, 128).unwrap());
+    studio.draw(false).unwrap();
+    studio.options.patience = Duration::ZERO;
+    let before = studio.map().clone();
+    some_strokes(&mut studio);
+    // Nothing waited, so nothing is painted yet, unless the thread was quicker than four strokes.
+    assert!(studio.is_making_ready() || *studio.map() != before);
+    studio.settle();
+    assert!(!studio.is_making_ready() && studio.take_trouble().is_empty());
+    assert_eq!(studio.history().len(), (4, 0));
+    assert_eq!(studio.document().text().unwrap(), now);
+    assert_shows_its_recipe(&studio);
+    // A stroke still in flight goes on where it was, and one on the mesh comes after those in UV.
+    studio.select(0);
+    studio.add_paint_layer().unwrap();
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    stroke(&mut studio, groove.clone(), &[[0.1, 0.5], [0.9, 0.5]]);
+    studio.settle();
+    studio.begin_mesh_stroke(groove.clone(), 3).unwrap();
+    studio.mesh_stroke_along((Vec2::new(20.0, 30.0), 1.0), (Vec2::new(60.0, 35.0), 0.5));
+    assert!(studio.is_drawing());
+    studio.settle();
+    assert!(studio.is_drawing());
+    studio.mesh_stroke_along((Vec2::new(60.0, 35.0), 1.0), (Vec2::new(110.0, 40.0), 0.5));
+    assert!(studio.end_stroke().unwrap());
+    assert_shows_its_recipe(&studio);
+    assert!(studio.recipe().layers[1].needs_mesh());
+    // What comes after it waits for it, and one that is taken away never comes.
+    studio
+        .set_header(
+            "Seed",
+            Header {
+                seed: 9,
+                ..Header::of(studio.recipe())
+            },
+        )
+        .unwrap();
+    studio.settle();
+    stroke(&mut studio, groove.clone(), &[[0.2, 0.1], [0.9, 0.9]]);
+    assert!(studio.undo().unwrap());
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+    let all = studio.recipe().clone();
+    studio.begin_stroke(groove, 1).unwrap();
+    studio.stroke_to(Point::new(Vec2::splat(0.5), 1.0).unwrap());
+    studio.cancel_stroke();
+    studio.settle();
+    assert!(!studio.is_drawing() && *studio.recipe() == all);
+    assert_shows_its_recipe(&studio);
+}
+
+#[test]
+fn coverage_is_what_the_strokes_touch() {
+    let mut studio = painted();
+    some_strokes(&mut studio);
+    let size = studio.map().size();
+    let whole = studio.coverage().unwrap();
+    let whole = whole.carry_out(&Progress::none()).unwrap();
+    assert!(whole.iter().any(|c| *c == 1.0) && whole.contains(&0.0));
+    let rect = Rect {
+        x: 37,
+        y: 11,
+        width: 150,
+        height: 170,
+    };
+    let part = studio.coverage_in(rect).unwrap();
+    for (i, c) in part.iter().enumerate() {
+        let (x, y) = (37 + i as u32 % 150, 11 + i as u32 / 150);
+        assert_eq!(*c, whole[size.rect().index(x, y)], "{x}, {y}");
+    }
+    studio.select(0);
+    assert!(studio.coverage().is_none() && studio.coverage_in(rect).is_none());
 }
 
 #[test]
@@ -265,6 +347,58 @@ fn merged_strokes_look_the_same() {
     );
     let erasing = studio.merge_down(2).unwrap_err().to_string();
     assert!(erasing.contains("do not erase"), "{erasing}");
+    let lowest = studio.merge_down(0).unwrap_err().to_string();
+    assert!(lowest.contains("is the lowest"), "{lowest}");
+}
+
+#[test]
+fn a_layer_without_strokes_goes_into_any_other_and_what_stands_against_merging_is_said() {
+    let mut studio = studio_of(&RECIPE.replace("opacity = 0.8\n", ""));
+    studio.select(1);
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    stroke(&mut studio, groove.clone(), &[[0.1, 0.2], [0.5, 0.4]]);
+    let before = studio.map().clone();
+    // Above the rings, below them, and with what would otherwise stand against it.
+    studio.select(2);
+    studio.add_paint_layer().unwrap();
+    studio.merge_down(3).unwrap();
+    studio.select(1);
+    studio.add_paint_layer().unwrap();
+    let faint = LayerHead {
+        opacity: 0.4,
+        ..LayerHead::of(&studio.recipe().layers[2])
+    };
+    studio.set_head(2, "Opacity", faint).unwrap();
+    studio.merge_down(3).unwrap();
+    studio.settle();
+    let names: Vec<&str> = studio.recipe().layers.iter().map(Layer::name).collect();
+    assert_eq!(names, ["steel", "paint", "rings"]);
+    assert!(*studio.map() == before);
+    assert_shows_its_recipe(&studio);
+    studio.select(1);
+    studio.add_paint_layer().unwrap();
+    stroke(&mut studio, groove, &[[0.4, 0.2], [0.2, 0.5]]);
+    let head = LayerHead::of(&studio.recipe().layers[2]);
+    type Change = fn(&mut LayerHead);
+    let changes: [(Change, &str); 3] = [
+        (|h| h.opacity = 0.5, "at 50 % opacity"),
+        (|h| h.visible = false, "hidden"),
+        (|h| h.channels = Channels::DIRECTION, "not on all channels"),
+    ];
+    for (change, says) in changes {
+        let mut other = head.clone();
+        change(&mut other);
+        studio.set_head(2, "Other", other).unwrap();
+        let refused = studio.merge_down(2).unwrap_err().to_string();
+        assert!(refused.contains(says), "{refused}");
+        studio.set_head(2, "Back", head.clone()).unwrap();
+    }
+    let rings = studio.merge_down(3).unwrap_err().to_string();
+    assert!(
+        rings.contains("masked") || rings.contains("rings"),
+        "{rings}"
+    );
+    studio.merge_down(2).unwrap();
 }
 
 #[test]
