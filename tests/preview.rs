@@ -5,16 +5,12 @@ use anisomap::map::{AnisoMap, Size, Texel, Wrap};
 use anisomap::math::Axis;
 use anisomap::mesh::{self, Mesh};
 use anisomap::preview::{
-    Difference, Look, Material, Measure, Picture, Rig, Scene, Subject, linear_from_srgb, render,
-    render_sheet,
+    Difference, Look, Material, Measure, Picture, Rig, Scene, Subject, render, render_sheet,
 };
 use anisomap::progress::Progress;
-use std::path::Path;
 
-/// Steps of 255 that a channel may differ by, once and on the mean: the last bits of square roots and glyph outlines are the
-/// platform's.
-const LARGEST: u8 = 3;
-const MEAN: f64 = 0.02;
+#[path = "golden/compare.rs"]
+mod golden;
 
 fn size(width: u32, height: u32) -> Size {
     Size::new(width, height).expect("a picture's size")
@@ -55,60 +51,8 @@ fn material() -> Material {
     }
 }
 
-fn save(picture: &Picture, path: &Path) {
-    image::save_buffer(
-        path,
-        &picture.to_srgb8(),
-        picture.width(),
-        picture.height(),
-        image::ColorType::Rgb8,
-    )
-    .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-}
-
 fn compare(name: &str, picture: &Picture) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/golden/preview")
-        .join(format!("{name}.png"));
-    if std::env::var_os("ANISOMAP_UPDATE_GOLDEN").is_some() {
-        save(picture, &path);
-        return;
-    }
-    let golden = image::open(&path)
-        .unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-        .into_rgb8();
-    assert_eq!(
-        golden.dimensions(),
-        (picture.width(), picture.height()),
-        "{name}"
-    );
-    let drawn = picture.to_srgb8();
-    let steps = || {
-        drawn
-            .iter()
-            .zip(golden.as_raw())
-            .map(|(a, b)| a.abs_diff(*b))
-    };
-    let largest = steps().max().unwrap_or(0);
-    let mean = steps().map(f64::from).sum::<f64>() / drawn.len() as f64;
-    if largest <= LARGEST && mean <= MEAN {
-        return;
-    }
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    save(picture, &folder.join(format!("{name}.png")));
-    let mut stored = Picture::new(picture.size(), [0.0; 3]);
-    for (pixel, bytes) in stored.pixels_mut().iter_mut().zip(golden.pixels()) {
-        *pixel = bytes.0.map(|b| linear_from_srgb(f32::from(b) / 255.0));
-    }
-    let difference = Difference::new(&stored, picture, Measure::DeltaE).expect("one size");
-    save(
-        &difference.picture().expect("a small picture"),
-        &folder.join(format!("{name}_difference.png")),
-    );
-    panic!(
-        "{name} differs by {largest} steps (mean {mean:.3}); what was drawn and the difference lie in {}",
-        folder.display()
-    );
+    golden::compare(&format!("preview/{name}"), picture);
 }
 
 fn one(mesh: &Mesh, scene: &Scene, look: &str) -> Picture {
