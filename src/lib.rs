@@ -32,6 +32,8 @@ pub mod export;
 
 pub mod analyse;
 
+pub mod generate;
+
 pub mod chart;
 
 pub mod studio;

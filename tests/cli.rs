@@ -837,6 +837,21 @@ fn a_batch_of_all_presets_makes_every_combination() {
 }
 
 #[test]
+fn a_batch_says_once_how_its_png_files_are_read_and_counts_what_is_there() {
+    let desk = Desk::new();
+    desk.write("s.toml", "version = 1\nsize = 8\n");
+    desk.write(
+        "m.toml",
+        "version = 1\n[[jobs]]\nrecipes = [\"s.toml\"]\nseeds = [1, 2, 3]\nformats = [\"png8\"]\n",
+    );
+    let report = desk.json("batch m.toml -o out --json");
+    let there = fs::read_dir(desk.path("out")).unwrap().count();
+    assert_eq!(report["files"], there);
+    let readme = fs::read_to_string(desk.path("out/README_png.txt")).unwrap();
+    assert!(readme.contains("_8bit.png") && !readme.contains("_16bit"));
+}
+
+#[test]
 fn one_failure_does_not_stop_a_batch() {
     let desk = Desk::new();
     desk.write("broken.toml", "version = 1\nsizee = 3\n");

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The order of the data flow; a module may import from those before it.
-const ORDER: [&str; 20] = [
+const ORDER: [&str; 21] = [
     "error",
     "progress",
     "math",
@@ -23,6 +23,7 @@ const ORDER: [&str; 20] = [
     "preview",
     "export",
     "analyse",
+    "generate",
     "chart",
     "studio",
 ];

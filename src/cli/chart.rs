@@ -1,10 +1,10 @@
 //! `anisomap chart`
 
 use super::args::ChartArgs;
-use super::generate::make_folder;
 use super::{Outcome, Result, console, stability};
 use anisomap::Error;
 use anisomap::chart::{self, Measured, Options};
+use anisomap::generate::make_folder;
 use serde_json::json;
 use std::fmt::Write;
 

@@ -3,6 +3,7 @@
 use super::Result;
 use anisomap::Error;
 use anisomap::export::clear_unfinished;
+use anisomap::generate::Watch;
 use anisomap::progress::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{self, Write};
@@ -105,6 +106,19 @@ pub(super) fn with_progress<T>(
         bar.finish_and_clear();
     }
     result
+}
+
+/// A bar for each stage of the work.
+pub(super) struct Bars;
+
+impl Watch for Bars {
+    fn stage<T>(
+        &self,
+        what: &'static str,
+        work: impl FnOnce(&Progress<'_>) -> Result<T>,
+    ) -> Result<T> {
+        with_progress(what, work)
+    }
 }
 
 /// A bar on stderr, invisible where that is no terminal.

@@ -3,15 +3,13 @@
 use super::args::RecipeArgs;
 use super::{Result, console};
 use anisomap::Error;
-use anisomap::convention::{MapInfo, Reflectance};
+use anisomap::convention::MapInfo;
+use anisomap::generate::{MESH, fill, info, open_mesh};
 use anisomap::import;
 use anisomap::map::{AnisoMap, Mended, Size};
 use anisomap::mesh::{self, Mesh};
-use anisomap::recipe::{self, Files, Material, Recipe, RecipeFile};
+use anisomap::recipe::{self, Files, Material, RecipeFile};
 use std::path::{Path, PathBuf};
-
-/// The mesh of a recipe or map that names none.
-const MESH: &str = "torus";
 
 /// A recipe with everything the user overrides in it.
 pub(super) fn recipe(word: &str, args: &RecipeArgs, size: Option<Size>) -> Result<RecipeFile> {
@@ -34,17 +32,6 @@ pub(super) fn recipe(word: &str, args: &RecipeArgs, size: Option<Size>) -> Resul
     Ok(file)
 }
 
-/// The map of a recipe, at the recipe's size, and what reading its images had to change.
-pub(super) fn fill(file: &RecipeFile, files: &Files) -> Result<(AnisoMap, Mended)> {
-    let recipe = file.recipe();
-    let prepared = console::with_progress("preparing", |progress| {
-        recipe.prepare(recipe.size, files, progress)
-    })
-    .map_err(|e| file.explain(e))?;
-    let map = console::with_progress("filling", |progress| prepared.map(progress))?;
-    Ok((map, prepared.mended()))
-}
-
 /// A note that texels of a file were mended, where any were.
 pub(super) fn mended_note(mended: Mended) -> Option<String> {
     (mended.faults() > 0).then(|| {
@@ -53,34 +40,6 @@ pub(super) fn mended_note(mended: Mended) -> Option<String> {
             mended.non_finite, mended.out_of_range, mended.no_direction
         )
     })
-}
-
-/// What files say about a recipe's map that was made for `mesh`, named as the files' folder names it.
-pub(super) fn info(recipe: &Recipe, mesh: Option<String>) -> MapInfo {
-    let Material {
-        diffuse,
-        specular,
-        ambient,
-    } = recipe.material;
-    MapInfo {
-        name: recipe.name.clone(),
-        aspect: recipe.aspect_at(recipe.size),
-        mesh,
-        material: Some(Reflectance {
-            diffuse,
-            specular,
-            ambient,
-        }),
-    }
-}
-
-/// The mesh that the user names, or else the recipe.
-pub(super) fn mesh(named: Option<&str>, file: &RecipeFile, files: &Files) -> Result<Mesh> {
-    match (named, file.recipe().mesh.as_deref()) {
-        (Some(word), _) => mesh::open(word),
-        (None, Some(word)) => files.mesh("mesh", word).map_err(|e| file.explain(e)),
-        (None, None) => mesh::open(MESH),
-    }
 }
 
 /// A map and where it came from.
@@ -99,7 +58,7 @@ impl Source {
     /// one that is missing or refused is told and replaced.
     pub(super) fn mesh(&self) -> Result<Mesh> {
         if let Some((file, files)) = &self.recipe {
-            return mesh(None, file, files);
+            return open_mesh(None, file, files);
         }
         let Some((path, files)) = &self.place else {
             return mesh::open(MESH);
@@ -153,7 +112,7 @@ pub(super) fn source(word: &str, args: &RecipeArgs, size: Option<Size>) -> Resul
         _ => {
             let file = recipe(word, args, size)?;
             let files = file.files(args.allow_outside);
-            let (map, mended) = fill(&file, &files)?;
+            let (map, mended) = fill(&file, &files, &console::Bars)?;
             return Ok(Source {
                 map,
                 mended,

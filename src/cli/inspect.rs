@@ -1,8 +1,9 @@
 //! `anisomap inspect`
 
 use super::args::InspectArgs;
-use super::{Outcome, Result, console, input, preview};
+use super::{Outcome, Result, console, input};
 use anisomap::analyse::{Directions, Finding, Severity, Spread, Statistics, lint, lint_energy};
+use anisomap::generate::looks;
 use serde_json::json;
 use std::fmt::Write;
 
@@ -33,7 +34,7 @@ pub(super) fn run(args: InspectArgs) -> Result {
 /// Whether the material gives back more than it gets, with the models that the recipe is shown in, or else the default one.
 fn energy(source: &input::Source) -> Result<Vec<Finding>> {
     let recipe = source.recipe.as_ref().map(|(file, _)| file.recipe());
-    let looks = preview::looks(&[], recipe)?;
+    let looks = looks(&[], recipe)?;
     let models: Vec<_> = looks.iter().map(|l| l.model).collect();
     let material = source.known_material();
     Ok(lint_energy(&source.map, material.as_ref(), &models))

@@ -4,14 +4,13 @@ use super::args::{PreviewArgs, QualityWord};
 use super::{Outcome, Result, console, input};
 use anisomap::Error;
 use anisomap::export::png::write_picture;
+use anisomap::generate::{looks, scene};
 use anisomap::map::{AnisoMap, Size};
 use anisomap::mesh::Mesh;
 use anisomap::preview::{
     Difference, Look, Material, Measure, Picture, Quality, REFERENCE_SAMPLES, Scene, Stage,
     Subject, Timings, panel_size, render_reference, side_by_side,
 };
-use anisomap::recipe::Recipe;
-use glam::Vec3;
 use serde_json::json;
 
 /// The picture's size for one look. Several have squares of two thirds of the width, up to [`WIDEST`] of them in one row.
@@ -148,30 +147,6 @@ fn default_size(looks: usize, difference: bool) -> Result<Size> {
     let columns = panels.div_ceil(rows);
     let side = |panels: usize| WIDTH * 2 / 3 * u32::try_from(panels).unwrap_or(u32::MAX).min(64);
     Size::new(side(columns), side(panels.div_ceil(columns)))
-}
-
-/// The scene for a mesh, with what the recipe says of lights and exposure.
-pub(super) fn scene(mesh: &Mesh, recipe: Option<&Recipe>) -> Scene {
-    let mut scene = Scene::for_mesh(mesh);
-    if let Some(recipe) = recipe {
-        let lights: Vec<Vec3> = recipe.scene.lights.iter().map(|l| Vec3::from(*l)).collect();
-        if !lights.is_empty() {
-            scene.set_directions(&lights);
-        }
-        scene.exposure = recipe.scene.exposure;
-    }
-    scene
-}
-
-/// The looks that the user names, or else the recipe, or else Ward's with the map.
-pub(super) fn looks(named: &[Look], recipe: Option<&Recipe>) -> Result<Vec<Look>> {
-    if !named.is_empty() {
-        return Ok(named.to_vec());
-    }
-    match recipe.map(|r| &r.scene.models) {
-        Some(words) if !words.is_empty() => words.iter().map(|w| w.parse()).collect(),
-        _ => Ok(vec![Look::default()]),
-    }
 }
 
 /// What is drawn.

@@ -1,14 +1,13 @@
 //! `anisomap reduce`
 
 use super::args::{ReduceArgs, ReduceOptions};
-use super::generate::make_folder;
-use super::preview::{looks, scene};
 use super::{Outcome, Result, console, input};
 use anisomap::Error;
 use anisomap::analyse::reduce::{
     REPORT, Reduction, Request, Saved, Setting, Shape, Verdict, check_output, least,
 };
 use anisomap::export::{beside, write_atomic};
+use anisomap::generate::{looks, make_folder, scene};
 use anisomap::mesh::{self, Mesh};
 use anisomap::preview::Scene;
 use anisomap::recipe::{Recipe, RecipeFile, read_toml, seen_from};

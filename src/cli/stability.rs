@@ -1,8 +1,8 @@
 //! `anisomap chart --stability`
 
-use super::generate::make_folder;
 use super::{Outcome, Result, console};
 use anisomap::chart::{self, Row, Stability};
+use anisomap::generate::make_folder;
 use serde_json::json;
 use std::fmt::Write;
 use std::path::Path;

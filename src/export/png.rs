@@ -63,17 +63,25 @@ impl Picture {
     }
 }
 
-/// What stands in `README_png.txt`: the same for every map, so that many may share a folder.
-const README: &str = "\
+/// The file beside PNG sets that says how to read them.
+pub const README: &str = "README_png.txt";
+
+/// What stands before the files of each depth: the same for every map, so that many may share a folder.
+const HEAD: &str = "\
 How to read these PNG files
 ===========================
 
 Every number is linear data: load them as \"non-colour\", \"raw\" or \"linear\", never as sRGB. Row 0 is the top of the
-image. v is the stored value divided by its largest (65535 in *_16bit.png, 255 in *_8bit.png), so 0 <= v <= 1.
+image. v is the stored value divided by its largest, so 0 <= v <= 1.
 
 theta is the angle of the x axis, counter-clockwise from +U (right) toward image-up, seen from outside the surface. An axis
 has no sign: theta and theta + 180 degrees are the same. alpha_x is the Ward roughness (slope width) along that axis,
 alpha_y the one across it. Grooves run along the axis with the smaller alpha; highlights stretch along the larger.
+";
+
+/// How to read the files of 16 bits.
+const SIXTEEN: &str = "
+The largest stored value of *_16bit.png is 65535.
 
 NAME_alpha_x_16bit.png    grey       alpha_x = 1.5 v. Filter as you like.
 NAME_alpha_y_16bit.png    grey       alpha_y = 1.5 v. Filter as you like.
@@ -84,29 +92,51 @@ NAME_axis_16bit.png       R, G       R = 0.5 + 0.5 cos(2 theta), G = 0.5 + 0.5 s
 NAME_direction_16bit.png  R, G       R = 0.5 + 0.5 cos(theta), G = 0.5 + 0.5 sin(theta), B = 0: an arrow along the axis, its
                                      sign chosen so that neighbours agree wherever the field allows. To decode: normalise
                                      (2 R - 1, 2 G - 1) = (along tangent, along bitangent toward image-up). Linear filtering.
-NAME_alpha_x_8bit.png     grey       alpha_x = 1.5 v^2 (square it: 8 bits would be too coarse otherwise).
-NAME_alpha_y_8bit.png     grey       alpha_y = 1.5 v^2.
-NAME_axis_8bit.png        R, G       as NAME_axis_16bit.png; within 0.2 degrees.
-NAME_direction_8bit.png   R, G       as NAME_direction_16bit.png; within 0.35 degrees.
 ";
 
-/// Writes the pictures of one depth as `STEM_..._8bit.png` or `STEM_..._16bit.png`, and `README_png.txt` in the same folder.
+/// How to read the files of 8 bits.
+const EIGHT: &str = "
+The largest stored value of *_8bit.png is 255.
+
+NAME_alpha_x_8bit.png     grey       alpha_x = 1.5 v^2 (square it: 8 bits would be too coarse otherwise).
+NAME_alpha_y_8bit.png     grey       alpha_y = 1.5 v^2.
+NAME_axis_8bit.png        R, G       R = 0.5 + 0.5 cos(2 theta), G = 0.5 + 0.5 sin(2 theta), B = 0; within 0.2 degrees. To
+                                     decode: theta = atan2(2 G - 1, 2 R - 1) / 2. May be filtered and resized freely.
+NAME_direction_8bit.png   R, G       R = 0.5 + 0.5 cos(theta), G = 0.5 + 0.5 sin(theta), B = 0: an arrow along the axis, its
+                                     sign chosen so that neighbours agree wherever the field allows; within 0.35 degrees. To
+                                     decode: normalise (2 R - 1, 2 G - 1) = (along tangent, along bitangent toward image-up).
+";
+
+/// Writes [`README`] into a folder with sets of these depths. What one there already says of another depth stays, since sets
+/// of many maps share a folder.
+///
+/// # Errors
+/// [`crate::Error::Write`]; see [`write_atomic`].
+pub fn write_readme(folder: &Path, depths: &[Depth]) -> Result<Written> {
+    let path = folder.join(README);
+    let there = std::fs::read_to_string(&path).unwrap_or_default();
+    let mut text = HEAD.to_owned();
+    for (depth, part) in [(Depth::Sixteen, SIXTEEN), (Depth::Eight, EIGHT)] {
+        if depths.contains(&depth) || there.contains(part) {
+            text += part;
+        }
+    }
+    write_atomic(&path, |file| file.write_all(text.as_bytes()))
+}
+
+/// Writes the pictures of one depth as `STEM_..._8bit.png` or `STEM_..._16bit.png`; [`write_readme`] says how to read them.
 ///
 /// # Errors
 /// [`crate::Error::Write`]; see [`write_atomic`].
 pub fn write_set(stem: &Path, export: &Export<'_>, depth: Depth) -> Result<Vec<Written>> {
-    let readme = stem.with_file_name("README_png.txt");
-    let readme = write_atomic(&readme, |file| file.write_all(README.as_bytes()))?;
-    let mut written: Vec<Written> = Picture::of(depth)
+    Picture::of(depth)
         .par_iter()
         .map(|picture| {
             let path = beside(stem, &picture.suffix(depth));
             let pixels = Pixels::draw(*picture, export, depth);
             write_atomic(&path, |file| pixels.encode(file))
         })
-        .collect::<Result<_>>()?;
-    written.push(readme);
-    Ok(written)
+        .collect()
 }
 
 /// A picture ready to be encoded.
@@ -318,14 +348,22 @@ mod tests {
         let stem = folder.path().join("disc");
         let mut written = write_set(&stem, &export, Depth::Sixteen).unwrap();
         written.extend(write_set(&stem, &export, Depth::Eight).unwrap());
-        assert_eq!(written.len(), 11);
-        for w in &written {
-            let name = w.path.file_name().unwrap().to_str().unwrap();
-            assert!(
-                README.contains(&name.replace("disc_", "NAME_")) || name == "README_png.txt",
-                "{name} is not in the README"
-            );
-        }
+        assert_eq!(written.len(), 9);
+        let readme = |depths| {
+            let written = write_readme(folder.path(), depths).unwrap();
+            fs::read_to_string(written.path).unwrap()
+        };
+        let told = |text: &str| {
+            let names = written.iter().map(|w| w.path.file_name().unwrap());
+            let names = names.map(|n| n.to_str().unwrap().replace("disc_", "NAME_"));
+            let told: Vec<bool> = names.map(|n| text.contains(&n)).collect();
+            told
+        };
+        // Just what is there is told; a later set of the other depth joins it.
+        let eight = readme(&[Depth::Eight]);
+        assert!(!eight.contains("16bit"));
+        assert_eq!(told(&eight), [[false; 5].as_slice(), &[true; 4]].concat());
+        assert_eq!(told(&readme(&[Depth::Sixteen])), [true; 9]);
         let open = |name: &str| read(folder.path(), name);
         let ax = open("disc_alpha_x_16bit.png").into_luma16();
         let ay = open("disc_alpha_y_8bit.png").into_luma8();

@@ -207,7 +207,7 @@ impl App {
         }
         self.take_dropped(&ctx);
         self.follow_intake(&ctx);
-        self.follow_file();
+        self.follow_file(&ctx);
         self.follow_keys();
         self.menu_bar(ui);
         if self.desk.panels {
@@ -714,6 +714,9 @@ impl App {
             Action::Open => self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Open, here))),
             Action::Presets => self.dialog = Some(Dialog::Presets(PresetBrowser::default())),
             Action::Save => match self.desk.studio.document().path().map(Path::to_owned) {
+                Some(_) if self.desk.studio.document().is_read_only() => {
+                    self.ask_where_to_save(Purpose::SaveAs);
+                }
                 Some(path) => self.save(ui.ctx(), &path),
                 None => self.ask_where_to_save(Purpose::SaveAs),
             },
@@ -764,7 +767,29 @@ impl App {
 
     fn ask_where_to_save(&mut self, purpose: Purpose) {
         let document = self.desk.studio.document();
-        let start = document.path().map(Path::to_owned).unwrap_or_else(|| {
+        if document.is_read_only() {
+            self.dialog = Some(Dialog::Newer(document.ignored().to_vec()));
+        } else {
+            self.ask_for_name(purpose);
+        }
+    }
+
+    fn ask_for_name(&mut self, purpose: Purpose) {
+        let document = self.desk.studio.document();
+        // What is understood of a newer file goes beside it, never over it.
+        let copy = |path: &Path| {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            path.with_file_name(format!("{stem}_copy.toml"))
+        };
+        let own = document.path().map(Path::to_owned);
+        let own = own.map(|path| {
+            if document.is_read_only() {
+                copy(&path)
+            } else {
+                path
+            }
+        });
+        let start = own.unwrap_or_else(|| {
             let title = document.title();
             let name = if title.is_empty() {
                 "untitled".to_owned()
@@ -800,7 +825,18 @@ impl App {
             return;
         }
         self.watch.look_after(Some(path), ctx);
-        self.desk.messages.news(format!("Saved {}", path.display()));
+        let brought = self.desk.studio.document().brought();
+        let names: Vec<&str> = brought.values().map(String::as_str).collect();
+        let with = match names[..] {
+            [] => String::new(),
+            _ => format!(
+                ", with copies of what it needs beside it: {}",
+                names.join(", ")
+            ),
+        };
+        self.desk
+            .messages
+            .news(format!("Saved {}{with}", path.display()));
         self.desk.settings.remember(path);
         self.desk.save_settings();
         if let Some(then) = self.after_saving.take() {
@@ -831,6 +867,7 @@ impl App {
             }
             Wish::SaveOver(path) => self.save_over(ctx, &path),
             Wish::SaveElsewhere => self.ask_where_to_save(Purpose::SaveAs),
+            Wish::SaveCopy => self.ask_for_name(Purpose::SaveAs),
             Wish::Import(told) => {
                 if let Some(folder) = self.own_folder() {
                     let begun = Intake::begin_textures(*told, &folder, ctx);
@@ -878,7 +915,12 @@ impl App {
             .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
         match intake::part_of(path) {
             Some(part) => self.take_in(ctx, part, path),
-            None if is_recipe => self.leave_for(ctx, Then::Open(path.to_owned())),
+            None if is_recipe => {
+                let file = RecipeFile::read(path);
+                if let Some(file) = self.desk.told(file) {
+                    self.leave_for(ctx, Then::Open(Box::new(file), path.to_owned()));
+                }
+            }
             None => self.desk.messages.error(intake::unknown(path)),
         }
     }
@@ -919,19 +961,16 @@ impl App {
                 }
             }
             Then::TakeIn(part, path) => self.take_in(ctx, part, &path),
-            Then::Open(path) => {
-                let file = RecipeFile::read(&path);
-                if let Some(file) = self.desk.told(file) {
-                    self.desk.settings.remember(&path);
-                    self.desk.save_settings();
-                    self.begin(ctx, file, Some(path));
-                }
+            Then::Open(file, path) => {
+                self.desk.settings.remember(&path);
+                self.desk.save_settings();
+                self.begin(ctx, *file, Some(path));
             }
         }
     }
 
     /// Shows what another program made of the document's file, unless there is work that the file does not have.
-    fn follow_file(&mut self) {
+    fn follow_file(&mut self, ctx: &Context) {
         self.to_reload |= self.watch.changed();
         // A stroke in flight is ended first.
         if !self.to_reload || self.desk.studio.is_drawing() {
@@ -942,6 +981,14 @@ impl App {
         let Some(path) = document.path().map(Path::to_owned) else {
             return;
         };
+        if document.is_read_only() {
+            // Nothing was done to it here: it is shown as it is now.
+            let file = RecipeFile::read(&path);
+            if let Some(file) = self.desk.told(file) {
+                self.begin(ctx, file, Some(path));
+            }
+            return;
+        }
         if document.is_changed() {
             let text = format!(
                 "{} was changed by another program. Your work is as it was; save it under another name, or open the file again",
@@ -1051,6 +1098,7 @@ impl App {
         let size = self.desk.studio.viewport().size();
         let before = std::mem::replace(&mut self.desk.studio, studio);
         before.close();
+        self.desk.exported.clear();
         let viewport = self.desk.studio.viewport_mut();
         viewport.resize(size);
         viewport.set_show(show);

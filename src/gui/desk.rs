@@ -12,6 +12,7 @@ use anisomap::studio::settings::{Folders, Settings};
 use anisomap::studio::{Header, LayerHead, Studio, Tick};
 use eframe::egui::{Context, Id};
 use glam::Vec2;
+use std::collections::HashSet;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -80,6 +81,8 @@ pub(crate) struct Desk {
     pub(crate) reading: Option<String>,
     /// What waits to be asked about because of its size.
     pub(crate) large: Option<Large>,
+    /// Files that this document wrote, or may write over.
+    pub(crate) exported: HashSet<PathBuf>,
     /// The control that takes the keyboard first.
     pub(crate) first_control: Option<Id>,
     asked: Vec<Action>,
@@ -124,6 +127,7 @@ impl Desk {
             redraw: Redraw::Sharp,
             reading: None,
             large: None,
+            exported: HashSet::new(),
             first_control: None,
             asked: Vec::new(),
             strokes: 0,

@@ -27,8 +27,8 @@ use std::path::{Path, PathBuf};
 pub(crate) enum Then {
     /// The window closes.
     Quit,
-    /// Another document takes its place.
-    Open(PathBuf),
+    /// Another document takes its place, which was read already.
+    Open(Box<RecipeFile>, PathBuf),
     /// A preset takes its place.
     Preset(&'static Preset),
     /// An empty document takes its place.
@@ -46,6 +46,8 @@ pub(crate) enum Dialog {
     Unsaved(Then),
     /// The document's file says something else than when it was read or saved.
     Changed(PathBuf),
+    /// The document is of a newer version; what of it would not be saved.
+    Newer(Vec<String>),
     Recover(Vec<LeftBehind>),
     New(NewDocument),
     Settings,
@@ -66,6 +68,8 @@ pub(crate) enum Wish {
     SaveOver(PathBuf),
     /// Asks for another name to save under.
     SaveElsewhere,
+    /// Asks for a name for what is understood of a newer file.
+    SaveCopy,
     /// Goes on without saving.
     Go(Then),
     /// Goes on, or asks first where work is not saved.
@@ -110,6 +114,7 @@ impl Dialog {
             Self::Export(_) => "export dialog",
             Self::Unsaved(_) => "unsaved dialog",
             Self::Changed(_) => "changed dialog",
+            Self::Newer(_) => "newer dialog",
             Self::Recover(_) => "recover dialog",
             Self::New(_) => "new dialog",
             Self::Settings => "settings dialog",
@@ -197,6 +202,7 @@ fn contents(ui: &mut Ui, dialog: &mut Dialog, desk: &mut Desk) -> (Next, Option<
         },
         Dialog::Unsaved(then) => unsaved(ui, desk, then),
         Dialog::Changed(path) => changed_on_disk(ui, path),
+        Dialog::Newer(ignored) => newer(ui, ignored),
         Dialog::Recover(left) => recover(ui, left),
         Dialog::New(new) => new_document(ui, desk, new),
         Dialog::Settings => settings(ui, desk),
@@ -293,6 +299,35 @@ fn no_uvs(ui: &mut Ui, path: &Path) -> (Next, Option<Wish>) {
         let cancel = ui.button("Cancel");
         let tip = "Unwrap it in a modelling program for a layout of your own.";
         if cancel.on_hover_text(tip).clicked() {
+            answer = (Next::Close, None);
+        }
+    });
+    answer
+}
+
+fn newer(ui: &mut Ui, ignored: &[String]) -> (Next, Option<Wish>) {
+    ui.set_width(420.0);
+    ui.heading("The file is of a newer version");
+    ui.label("It stays as it is. What this version understands of it can be saved under another name, and changed there.");
+    let lost = match ignored {
+        [] => "Its comments are lost by that.".to_owned(),
+        keys => format!(
+            "Lost by that are its comments, and what is not known here: {}.",
+            keys.join(", ")
+        ),
+    };
+    egui::ScrollArea::vertical()
+        .max_height(200.0)
+        .show(ui, |ui| {
+            ui.add(egui::Label::new(lost).wrap());
+        });
+    ui.add_space(8.0);
+    let mut answer = (Next::Stay, None);
+    ui.horizontal(|ui| {
+        if main_button(ui, "Save a copy").clicked() {
+            answer = (Next::Close, Some(Wish::SaveCopy));
+        }
+        if ui.button("Cancel").clicked() {
             answer = (Next::Close, None);
         }
     });

@@ -7,21 +7,17 @@ use super::theme::Palette;
 use super::widgets::caption;
 use super::work::{Now, Reins, Work};
 use anisomap::Error;
-use anisomap::analyse::compare;
-use anisomap::convention::{MapInfo, Reflectance};
-use anisomap::export::exr::{Precision, write_master, write_rgb_pair};
-use anisomap::export::gltf::{GltfOptions, write_glb, write_gltf};
-use anisomap::export::png::{Depth, write_picture, write_set};
-use anisomap::export::{Export, Written, beside};
-use anisomap::import::gltf::read_gltf;
+use anisomap::export::Written;
+use anisomap::export::exr::Precision;
+use anisomap::export::png::README;
+use anisomap::generate::{Job, Made, Watch};
 use anisomap::map::Size;
-use anisomap::mesh::{self, Mesh};
-use anisomap::preview::{Look, Scene, Subject, render_sheet};
 use anisomap::progress::Progress;
-use anisomap::recipe::{Files, Recipe, Target};
+use anisomap::recipe::Target;
 use anisomap::studio::apart;
 use eframe::egui::{self, RichText, Ui};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// The sizes that are offered beside the document's own.
 const SIDES: [u32; 6] = [512, 1024, 2048, 4096, 8192, 16384];
@@ -51,22 +47,12 @@ fn describe(target: Target) -> (&'static str, &'static str) {
     }
 }
 
-/// What is to be written.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Order {
-    pub(crate) recipe: Recipe,
-    pub(crate) files: Files,
-    pub(crate) targets: Vec<Target>,
-    pub(crate) size: Size,
-    pub(crate) folder: PathBuf,
-    pub(crate) stem: String,
-}
-
 /// What was written, and what was lost by it.
 #[derive(Debug, Default)]
-pub(crate) struct Report {
-    pub(crate) files: Vec<(PathBuf, u64)>,
-    pub(crate) notes: Vec<String>,
+struct Report {
+    folder: PathBuf,
+    files: Vec<Written>,
+    notes: Vec<String>,
 }
 
 /// The dialog.
@@ -75,6 +61,8 @@ pub(crate) struct ExportDialog {
     size: Size,
     pub(crate) folder: String,
     name: String,
+    /// Files that are there and were not written by this document: they are told before they are replaced.
+    over: Vec<PathBuf>,
     work: Option<Work<Result<Report, Error>>>,
     report: Option<Report>,
     error: Option<String>,
@@ -123,6 +111,7 @@ impl ExportDialog {
             } else {
                 stem.to_owned()
             },
+            over: Vec::new(),
             work: None,
             report: None,
             error: None,
@@ -151,6 +140,9 @@ impl ExportDialog {
         }
         if let Some(report) = &self.report {
             return show_report(ui, report);
+        }
+        if !self.over.is_empty() {
+            return self.ask(ui, desk);
         }
         self.form(ui, desk)
     }
@@ -229,22 +221,76 @@ impl ExportDialog {
         wish
     }
 
-    /// Begins to write with what is chosen.
+    /// Asks about files that would be replaced.
+    fn ask(&mut self, ui: &mut Ui, desk: &mut Desk) -> Wish {
+        let text = match self.over.len() {
+            1 => "A file is there already, and was not written from this document in this session."
+                .to_owned(),
+            n => format!(
+                "{n} files are there already, and were not written from this document in this session."
+            ),
+        };
+        ui.add(egui::Label::new(text).wrap());
+        file_list(ui, self.over.iter().map(|path| (path.as_path(), None)));
+        ui.add_space(8.0);
+        ui.horizontal(|ui| {
+            if super::dialogs::main_button(ui, "Back")
+                .on_hover_text("To another folder or name; nothing was written.")
+                .clicked()
+            {
+                self.over.clear();
+            }
+            if ui
+                .button("Replace them")
+                .on_hover_text("Writes over these files.")
+                .clicked()
+            {
+                desk.exported.extend(self.over.drain(..));
+                self.begin(ui, desk);
+            }
+        });
+        Wish::Stay
+    }
+
+    /// What is to be written.
+    fn job(&self, desk: &Desk) -> Result<Job, Error> {
+        let typed = Path::new(self.folder.trim());
+        // Where it is is said in full.
+        let folder = std::path::absolute(typed).unwrap_or_else(|_| typed.to_owned());
+        Ok(Job {
+            file: desk.studio.document().at_size(self.size)?,
+            folder,
+            stem: self.name.trim().to_owned(),
+            formats: self.targets.clone(),
+            precision: Precision::Half,
+            mesh: None,
+            allow_outside: false,
+            readme: true,
+        })
+    }
+
+    /// Begins to write what is chosen, or asks first where that would replace another's files.
     pub(crate) fn begin(&mut self, ui: &Ui, desk: &mut Desk) {
+        self.error = None;
+        let job = match self.job(desk) {
+            Ok(job) => job,
+            Err(error) => {
+                self.error = Some(error.to_string());
+                return;
+            }
+        };
+        self.over = job.paths();
+        // What stands in the text beside PNG sets is the same for all.
+        self.over
+            .retain(|p| p.exists() && !p.ends_with(README) && !desk.exported.contains(p));
+        if !self.over.is_empty() {
+            return;
+        }
         desk.settings.export.folder = Some(PathBuf::from(self.folder.trim()));
         desk.settings.export.targets.clone_from(&self.targets);
         desk.save_settings();
-        let order = Order {
-            recipe: desk.studio.recipe().clone(),
-            files: desk.studio.document().files(),
-            targets: self.targets.clone(),
-            size: self.size,
-            folder: PathBuf::from(self.folder.trim()),
-            stem: self.name.clone(),
-        };
-        self.error = None;
         match Work::begin("export", ui.ctx(), move |reins, give| {
-            give(apart(|| write(&order, reins)));
+            give(apart(|| write(&job, reins)));
         }) {
             Ok(work) => self.work = Some(work),
             Err(error) => self.error = Some(error.to_string()),
@@ -258,7 +304,9 @@ impl ExportDialog {
             Now::Came(Ok(report)) => {
                 let files = count(report.files.len(), "file");
                 desk.messages
-                    .news(format!("{files} written to {}", self.folder));
+                    .news(format!("{files} written to {}", report.folder.display()));
+                let paths = report.files.iter().map(|f| f.path.clone());
+                desk.exported.extend(paths);
                 self.report = Some(report);
             }
             Now::Came(Err(Error::Cancelled)) => self.error = Some(Error::Cancelled.to_string()),
@@ -292,24 +340,12 @@ fn sizes(own: Size) -> Vec<Size> {
 }
 
 fn show_report(ui: &mut Ui, report: &Report) -> Wish {
-    let palette = Palette::of(ui);
-    egui::ScrollArea::vertical()
-        .max_height(240.0)
-        .show(ui, |ui| {
-            for (path, bytes) in &report.files {
-                ui.horizontal(|ui| {
-                    let name = path
-                        .file_name()
-                        .map_or(String::new(), |n| n.to_string_lossy().into_owned());
-                    ui.label(name).on_hover_text(path.display().to_string());
-                    ui.label(RichText::new(bytes_text(*bytes)).color(palette.weak));
-                });
-            }
-        });
+    let files = count(report.files.len(), "file");
+    let text = format!("{files} in {}", report.folder.display());
+    ui.add(egui::Label::new(text).wrap());
+    let all = report.files.iter();
+    file_list(ui, all.map(|f| (f.path.as_path(), Some(f.bytes))));
     caption(ui, "What was lost");
-    if report.notes.is_empty() {
-        ui.label("Nothing beyond the rounding of half floats.");
-    }
     for note in &report.notes {
         ui.add(egui::Label::new(note).wrap());
     }
@@ -321,149 +357,95 @@ fn show_report(ui: &mut Ui, report: &Report) -> Wish {
     }
 }
 
-/// Makes the map anew at its size and writes all that was asked for.
-pub(crate) fn write(order: &Order, reins: &Reins) -> Result<Report, Error> {
-    std::fs::create_dir_all(&order.folder).map_err(Error::write(&order.folder))?;
-    let steps = order.targets.len() as f64 + 2.0;
-    let filling = |done: u64, all: u64| {
-        reins.report(2.0 / steps * done as f64 / all.max(1) as f64);
-        reins.go_on()
-    };
-    let progress = Progress::new(&filling);
-    let mut recipe = order.recipe.clone();
-    recipe.aspect = Some(recipe.aspect_at(recipe.size));
-    recipe.size = order.size;
-    let map = recipe
-        .prepare(order.size, &order.files, &progress)?
-        .map(&progress)?;
-    let mesh = mesh_of(&recipe, &order.files)?;
-    let info = info(&recipe, &order.stem);
-    let export = Export::new(&map, &info);
-    let mut report = Report::default();
-    for (i, target) in order.targets.iter().enumerate() {
-        if !reins.go_on() {
-            return Err(Error::Cancelled);
-        }
-        reins.report((i as f64 + 2.0) / steps);
-        write_target(order, *target, &export, (&recipe, &mesh), &mut report)?;
-    }
-    Ok(report)
+/// Files with their sizes, all of them to be reached.
+fn file_list<'a>(ui: &mut Ui, files: impl Iterator<Item = (&'a Path, Option<u64>)>) {
+    use egui::scroll_area::ScrollBarVisibility::VisibleWhenNeeded;
+    let palette = Palette::of(ui);
+    ui.spacing_mut().scroll = egui::style::ScrollStyle::solid();
+    egui::ScrollArea::vertical()
+        .max_height(240.0)
+        .auto_shrink([false, true])
+        .scroll_bar_visibility(VisibleWhenNeeded)
+        .show(ui, |ui| {
+            for (path, bytes) in files {
+                ui.horizontal(|ui| {
+                    let name = path.file_name().unwrap_or_default().to_string_lossy();
+                    ui.label(name).on_hover_text(path.display().to_string());
+                    if let Some(bytes) = bytes {
+                        ui.label(RichText::new(bytes_text(bytes)).color(palette.weak));
+                    }
+                });
+            }
+        });
 }
 
-fn mesh_of(recipe: &Recipe, files: &Files) -> Result<Mesh, Error> {
-    let word = recipe
-        .mesh
-        .as_deref()
-        .unwrap_or(anisomap::studio::DEFAULT_MESH);
-    files.mesh("mesh", word)
+/// A stage after the other as one bar, and Cancel asked for at every step of each.
+struct Stages<'a> {
+    reins: &'a Reins,
+    all: u32,
+    done: AtomicU32,
 }
 
-fn info(recipe: &Recipe, stem: &str) -> MapInfo {
-    let material = recipe.material;
-    MapInfo {
-        name: if recipe.name.is_empty() {
-            stem.to_owned()
-        } else {
-            recipe.name.clone()
-        },
-        aspect: recipe.aspect_at(recipe.size),
-        mesh: recipe.mesh.clone().filter(|m| mesh::builtin(m).is_some()),
-        material: Some(Reflectance {
-            diffuse: material.diffuse,
-            specular: material.specular,
-            ambient: material.ambient,
-        }),
+impl Watch for Stages<'_> {
+    fn stage<T>(
+        &self,
+        _: &'static str,
+        work: impl FnOnce(&Progress<'_>) -> anisomap::Result<T>,
+    ) -> anisomap::Result<T> {
+        let before = self.done.fetch_add(1, Ordering::Relaxed);
+        let report = |done: u64, total: u64| {
+            let part = done as f64 / total.max(1) as f64;
+            self.reins
+                .report((f64::from(before) + part) / f64::from(self.all));
+            self.reins.go_on()
+        };
+        work(&Progress::new(&report))
     }
 }
 
-fn write_target(
-    order: &Order,
-    target: Target,
-    export: &Export<'_>,
-    (recipe, mesh): (&Recipe, &Mesh),
-    report: &mut Report,
-) -> Result<(), Error> {
-    let stem = order.folder.join(&order.stem);
-    let written: Vec<Written> = match target {
-        Target::Exr => vec![write_master(
-            &beside(&stem, ".exr"),
-            export,
-            Precision::Half,
-        )?],
-        Target::RgbExr => write_rgb_pair(&stem, export, Precision::Half)?.into(),
-        Target::Png8 => write_set(&stem, export, Depth::Eight)?,
-        Target::Png16 => write_set(&stem, export, Depth::Sixteen)?,
-        Target::Glb | Target::Gltf => gltf(&stem, target, export, (recipe, mesh), report)?,
-        Target::Preview => {
-            let mut scene = Scene::for_mesh(mesh);
-            scene.exposure = recipe.scene.exposure;
-            let subject = Subject {
-                mesh,
-                map: export.map(),
-                material: &recipe.material,
-            };
-            let looks = if recipe.scene.models.is_empty() {
-                vec![Look::default()]
-            } else {
-                Look::list(&recipe.scene.models.join(","))?
-            };
-            let picture = render_sheet(
-                subject,
-                &scene,
-                &looks,
-                Size::new(960, 720)?,
-                &Progress::none(),
-            )?;
-            vec![write_picture(&beside(&stem, "_preview.png"), &picture)?]
-        }
+/// Writes all that was asked for, as `generate` does.
+fn write(job: &Job, reins: &Reins) -> Result<Report, Error> {
+    let stages = Stages {
+        reins,
+        all: 2 + job.formats.len() as u32,
+        done: AtomicU32::new(0),
     };
-    if target == Target::Png8 {
-        report.notes.push(
-            "8-bit PNG: directions are off by up to 0.3 degrees, widths by up to 1/510.".to_owned(),
+    let made = job.make(&stages)?;
+    Ok(Report {
+        folder: job.folder.clone(),
+        notes: notes(job, &made),
+        files: made.files,
+    })
+}
+
+/// What was lost, as far as it was measured.
+fn notes(job: &Job, made: &Made) -> Vec<String> {
+    let mut notes = Vec::new();
+    if let Some(r) = &made.round_trip {
+        notes.push(format!(
+            "glTF, read back: widths within {:.2} %, directions within {:.2} degrees; the smallest widths within {:.1} %.",
+            100.0 * r.alpha,
+            r.degrees,
+            100.0 * r.alpha_elsewhere.max(r.alpha)
+        ));
+        if r.clamped > 0 {
+            let texels = count(r.clamped as usize, "texel");
+            notes.push(format!("Rougher than glTF can say: {texels}."));
+        }
+    }
+    if job.formats.contains(&Target::Png8) {
+        notes.push(
+            "8-bit PNG: directions are off by up to 0.35 degrees, widths by up to 2 % where they are narrow.".to_owned(),
         );
     }
-    for file in written {
-        if !report.files.iter().any(|(path, _)| *path == file.path) {
-            report.files.push((file.path, file.bytes));
-        }
+    if made.mended.faults() > 0 {
+        let texels = count(made.mended.faults() as usize, "texel");
+        notes.push(format!(
+            "What the recipe reads held what no map can hold: {texels}."
+        ));
     }
-    Ok(())
-}
-
-/// A glTF, and how far it is from the map when it is read back.
-fn gltf(
-    stem: &Path,
-    target: Target,
-    export: &Export<'_>,
-    (recipe, mesh): (&Recipe, &Mesh),
-    report: &mut Report,
-) -> Result<Vec<Written>, Error> {
-    let options = GltfOptions::default();
-    let (written, told) = if target == Target::Glb {
-        write_glb(
-            &beside(stem, ".glb"),
-            export,
-            mesh,
-            &recipe.material,
-            options,
-        )
-        .map(|(w, r)| (vec![w], r))?
-    } else {
-        write_gltf(stem, export, mesh, &recipe.material, options)?
-    };
-    let back = read_gltf(&written[0].path)?;
-    let apart = compare(export.map(), &back.map)?;
-    report.notes.push(format!(
-        "{}, read back: widths within {:.2} %, directions within {:.2} degrees.",
-        describe(target).0,
-        100.0 * apart.well_held.max,
-        apart.angle.max_degrees
-    ));
-    if told.clamped > 0 {
-        let texels = count(told.clamped as usize, "texel");
-        report
-            .notes
-            .push(format!("Rougher than glTF can say: {texels}."));
+    if notes.is_empty() {
+        notes.push("Nothing beyond the rounding of half floats or 16 bits.".to_owned());
     }
-    Ok(written)
+    notes
 }

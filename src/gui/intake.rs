@@ -5,8 +5,8 @@ use super::import::{Seen, look_at};
 use super::messages::count;
 use super::work::{Now, Reins, Work};
 use anisomap::Error;
+use anisomap::export::Export;
 use anisomap::export::exr::{Precision, write_master};
-use anisomap::export::{Export, write_atomic};
 use anisomap::import::Imported;
 use anisomap::import::exr::{is_master, read_master, read_rgb_pair};
 use anisomap::import::gltf::read_gltf;
@@ -14,10 +14,10 @@ use anisomap::import::textures::Textures;
 use anisomap::map::Wrap;
 use anisomap::mesh::{self, Body, Projection};
 use anisomap::recipe::Image;
+use anisomap::studio::beside::{free_path, lay_beside};
 use anisomap::studio::{apart, bytes_free, mesh_warning};
 use eframe::egui::Context;
 use std::collections::HashMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -275,114 +275,6 @@ fn stem(path: &Path) -> String {
 fn name_of(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default();
     name.to_string_lossy().into_owned()
-}
-
-/// A path in a folder that nothing has yet: `lid.obj`, `lid_2.obj` and so on.
-fn free_path(folder: &Path, name: &str) -> PathBuf {
-    let (stem, ending) = match name.rsplit_once('.') {
-        Some((stem, ending)) => (stem, format!(".{ending}")),
-        None => (name, String::new()),
-    };
-    let numbered = (2..).map(|n| folder.join(format!("{stem}_{n}{ending}")));
-    std::iter::once(folder.join(name))
-        .chain(numbered)
-        .find(|path| !path.exists())
-        .expect("the numbers do not end before the files")
-}
-
-/// A file that lies in the recipe's folder.
-struct Laid {
-    /// What the recipe calls it.
-    name: String,
-    /// Where it is called otherwise than before.
-    news: Option<String>,
-}
-
-/// A file as a recipe in `folder` may name it. One from elsewhere is copied there; with those that it needs into a folder of
-/// their own. Where another file has its name it gets a number.
-fn lay_beside(path: &Path, needed: &[PathBuf], folder: &Path) -> Result<Laid, Error> {
-    let real = path.canonicalize().map_err(Error::read(path))?;
-    let home = folder.canonicalize().map_err(Error::read(folder))?;
-    if let Some(inside) = inside(path, &home).or_else(|| inside(&real, &home)) {
-        let name = inside.to_string_lossy().replace('\\', "/");
-        return Ok(Laid { name, news: None });
-    }
-    let own = name_of(path);
-    let source = path.parent().unwrap_or(Path::new(""));
-    let files: Vec<(PathBuf, PathBuf)> = std::iter::once(PathBuf::from(&own))
-        .chain(needed.iter().cloned())
-        .map(|file| (source.join(&file), file))
-        .collect();
-    let wanted = if needed.is_empty() {
-        own.clone()
-    } else {
-        stem(path)
-    };
-    let place = |to: &Path| {
-        if needed.is_empty() {
-            to.to_owned()
-        } else {
-            to.join(&own)
-        }
-    };
-    let there = |to: &Path| {
-        let at = |file: &Path| {
-            if needed.is_empty() {
-                to.to_owned()
-            } else {
-                to.join(file)
-            }
-        };
-        files.iter().all(|(from, file)| same(from, &at(file)))
-    };
-    let mut to = folder.join(&wanted);
-    if to.exists() && !there(&to) {
-        to = free_path(folder, &wanted);
-    }
-    if !to.exists() {
-        for (from, file) in &files {
-            let target = if needed.is_empty() {
-                to.clone()
-            } else {
-                to.join(file)
-            };
-            copy(from, &target)?;
-        }
-    }
-    let lies = place(&to);
-    let name = lies.strip_prefix(folder).unwrap_or(&lies);
-    let name = name.to_string_lossy().replace('\\', "/");
-    let news =
-        (name != own).then(|| format!("{} is kept beside the recipe as {name}", path.display()));
-    Ok(Laid { name, news })
-}
-
-/// The way to a file from a folder that it lies in.
-fn inside(path: &Path, home: &Path) -> Option<PathBuf> {
-    let parent = path.parent()?.canonicalize().ok()?;
-    let whole = parent.join(path.file_name()?);
-    let stays = whole.canonicalize().ok()?.starts_with(home);
-    whole
-        .strip_prefix(home)
-        .ok()
-        .filter(|_| stays)
-        .map(Path::to_owned)
-}
-
-/// Whether two files hold the same.
-fn same(one: &Path, other: &Path) -> bool {
-    let length = |p: &Path| std::fs::metadata(p).ok().map(|m| m.len());
-    length(one).is_some()
-        && length(one) == length(other)
-        && matches!((std::fs::read(one), std::fs::read(other)), (Ok(a), Ok(b)) if a == b)
-}
-
-fn copy(from: &Path, to: &Path) -> Result<(), Error> {
-    let bytes = std::fs::read(from).map_err(Error::read(from))?;
-    if let Some(folder) = to.parent() {
-        std::fs::create_dir_all(folder).map_err(Error::write(folder))?;
-    }
-    write_atomic(to, |out| out.write_all(&bytes)).map(drop)
 }
 
 #[cfg(test)]

@@ -16,6 +16,17 @@ pub(crate) fn count(n: usize, one: &str) -> String {
     }
 }
 
+/// A message without the numbers that systems give their errors beside the words.
+fn without_numbers(text: &str) -> String {
+    let mut told = String::new();
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once(" (os error ") {
+        told += before;
+        rest = after.split_once(')').map_or("", |(_, rest)| rest);
+    }
+    told + rest
+}
+
 /// How long news stay.
 const NEWS: Duration = Duration::from_secs(6);
 /// The most messages that are shown.
@@ -47,6 +58,7 @@ impl Messages {
     }
 
     fn add(&mut self, text: String, is_error: bool) {
+        let text = without_numbers(&text);
         // The same twice is one message: a full disk would fill the window with them.
         self.shown.retain(|m| m.text != text);
         self.count += 1;
@@ -137,4 +149,19 @@ fn row(ui: &mut egui::Ui, message: &Message) -> bool {
             .inner
         })
         .inner
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_errors_are_for_programs() {
+        let text = "cannot read a: No such file (os error 2). Try b: gone (os error 32)";
+        assert_eq!(
+            without_numbers(text),
+            "cannot read a: No such file. Try b: gone"
+        );
+        assert_eq!(without_numbers("as it is"), "as it is");
+    }
 }

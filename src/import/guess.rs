@@ -266,7 +266,8 @@ fn read_set(set: &[Member], base: String) -> Guess {
             _ => Encoding::Vector,
         };
         // Floats have a sign of their own.
-        c.direction_from_middle = !member.file.to_lowercase().ends_with(".exr");
+        let whole = !member.file.to_lowercase().ends_with(".exr");
+        c.direction_from_middle = whole && c.encoding != Encoding::Angle;
         if first.is_some() && member.role == Role::Angle && own.is_some() {
             c.angle_range = HALF_TURN_16_BIT;
         }

@@ -1,10 +1,10 @@
 //! The text of a recipe: read strictly, overridden key by key, and written back with every comment in its place.
 
-use super::files::{Way, is_path, leaves_folder};
+use super::files::{Way, leaves_folder};
 use super::locate::{Mistake, join, layer_number, table_at};
 use super::stamp::Stamp;
 use super::update::{document_of, update};
-use super::{Files, NAME_BYTES_MAX, Recipe, Source, VERSION};
+use super::{Files, NAME_BYTES_MAX, Recipe, VERSION};
 use crate::error::{Error, Result};
 use serde::Deserialize;
 use std::fs;
@@ -155,17 +155,19 @@ impl RecipeFile {
     /// # Errors
     /// [`Error::Read`] when `folder` is not there.
     pub fn moved(&self, folder: &Path) -> Result<Self> {
+        let way = Way::between(self.folder.as_deref(), folder)?;
+        Ok(self.moved_by(way.as_ref(), folder))
+    }
+
+    /// As [`RecipeFile::moved`], on a way that may have taken files along.
+    pub(crate) fn moved_by(&self, way: Option<&Way>, folder: &Path) -> Self {
         let mut moved = self.clone();
         moved.folder = Some(folder.to_owned());
-        let Some(way) = Way::between(self.folder.as_deref(), folder)? else {
-            return Ok(moved);
-        };
-        if self.is_read_only() {
-            return Ok(moved);
+        if let Some(way) = way.filter(|_| !self.is_read_only()) {
+            way.of_recipe(&mut moved.recipe);
+            update(moved.document.as_table_mut(), &self.recipe, &moved.recipe);
         }
-        way.of_recipe(&mut moved.recipe);
-        update(moved.document.as_table_mut(), &self.recipe, &moved.recipe);
-        Ok(moved)
+        moved
     }
 
     /// The same recipe as the file at `path`, in the folder it is in.
@@ -177,21 +179,28 @@ impl RecipeFile {
         }
     }
 
+    /// A recipe of this version that says what is understood of this one: of a file of this version the same, of a newer one
+    /// without the keys in [`RecipeFile::ignored`] and without its comments.
+    #[must_use]
+    pub fn understood(&self) -> Self {
+        if !self.is_read_only() {
+            return self.clone();
+        }
+        let recipe = Recipe {
+            version: VERSION,
+            ..self.recipe.clone()
+        };
+        Self {
+            document: document_of(&recipe),
+            recipe,
+            ignored: Vec::new(),
+            ..self.clone()
+        }
+    }
+
     /// Whether it names a file outside its own folder, which `--allow-outside` is needed for.
     pub fn names_outside(&self) -> bool {
-        let named = self.recipe.layers.iter().flat_map(|l| match &l.source {
-            Source::Image(image) => image.files().collect(),
-            Source::Stored(stored) => stored.files().collect(),
-            Source::Strokes(_) | Source::Pattern(_) | Source::Guides(_) => vec![],
-        });
-        let strokes = self
-            .recipe
-            .layers
-            .iter()
-            .flat_map(super::Layer::all_strokes);
-        let named = named.chain(strokes.filter_map(|s| s.mesh.as_ref().filter(|m| is_path(m))));
-        let mesh = self.recipe.mesh.as_ref().filter(|m| is_path(m));
-        named.chain(mesh).any(|name| leaves_folder(name))
+        self.recipe.files().any(|name| leaves_folder(name))
     }
 
     /// An error about a key of the recipe, told with its file and line; any other as it is.
@@ -260,7 +269,7 @@ fn read_text(path: &Path) -> Result<(String, Option<Stamp>)> {
 }
 
 /// A name made of a file's own, with what a name may not have replaced.
-fn name_from(path: &Path) -> String {
+pub(crate) fn name_from(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let safe = |c: char| {
         if c.is_alphanumeric() || "._-".contains(c) {

@@ -4,6 +4,7 @@
 use super::{Layer, Mask, MaskSource, Recipe, Source, unknown_word};
 use crate::error::{Error, Result};
 use crate::mesh::{self, Mesh, Projection};
+use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
 /// Where the files that a recipe names may lie.
@@ -68,8 +69,13 @@ fn found(key: &str, name: &str, path: &Path) -> Result<PathBuf> {
     })
 }
 
+/// The file that a word for a mesh means, without the projection that it is read with.
+pub(crate) fn file_of_mesh(word: &str) -> Option<&str> {
+    is_path(word).then(|| Projection::split(word).0)
+}
+
 /// Whether a word for a mesh means a file.
-pub(super) fn is_path(word: &str) -> bool {
+pub(crate) fn is_path(word: &str) -> bool {
     word.contains(['/', '\\', '.'])
 }
 
@@ -122,6 +128,8 @@ pub fn seen_from(folder: &Path, file: &Path) -> Result<String> {
 pub(crate) struct Way {
     from: PathBuf,
     to: PathBuf,
+    /// Files that were copied on the way: where they were, and what they are called now.
+    pub(crate) copied: BTreeMap<PathBuf, String>,
 }
 
 impl Way {
@@ -134,7 +142,8 @@ impl Way {
         let real = |path: &Path| path.canonicalize().map_err(Error::read(path));
         let Some(from) = from else { return Ok(None) };
         let (from, to) = (real(from)?, real(to)?);
-        Ok((from != to).then_some(Self { from, to }))
+        let copied = BTreeMap::new();
+        Ok((from != to).then_some(Self { from, to, copied }))
     }
 
     /// Renames every file that a recipe names. What is not there keeps its name.
@@ -174,8 +183,16 @@ impl Way {
         }
     }
 
+    /// Where a file is that was named before the way.
+    pub(crate) fn place_of(&self, name: &str) -> PathBuf {
+        self.from.join(name)
+    }
+
     fn of_file(&self, name: &mut String) {
-        if let Ok(way) = seen_from(&self.to, &self.from.join(&*name)) {
+        let before = self.place_of(name).canonicalize().ok();
+        if let Some(copy) = before.and_then(|path| self.copied.get(&path)) {
+            name.clone_from(copy);
+        } else if let Ok(way) = seen_from(&self.to, &self.from.join(&*name)) {
             *name = way;
         }
     }

@@ -3,6 +3,7 @@
 //! A layer is a table of plain keys and one table more, named after its source: `[layers.brushed]`. Serde has no derive
 //! for "these keys, or the name of a variant" that keeps the place of a mistake in the file, so the reading is by hand.
 
+use super::files::file_of_mesh;
 use super::{Image, Stored, check_seed, number};
 use crate::coverage::Outline;
 use crate::error::{Error, Result};
@@ -321,6 +322,18 @@ impl Layer {
             _ => None,
         };
         own.into_iter().chain(of_mask)
+    }
+
+    /// Every file that it names: images, stored maps and meshes.
+    pub(crate) fn files(&self) -> Vec<&str> {
+        let mut files: Vec<&str> = match &self.source {
+            Source::Image(image) => image.files().map(String::as_str).collect(),
+            Source::Stored(stored) => stored.files().map(String::as_str).collect(),
+            Source::Strokes(_) | Source::Pattern(_) | Source::Guides(_) => vec![],
+        };
+        let meshes = self.all_strokes().filter_map(|s| s.mesh.as_ref());
+        files.extend(meshes.filter_map(|m| file_of_mesh(m)));
+        files
     }
 
     /// The name that its randomness follows.

@@ -18,10 +18,10 @@ mod stored;
 mod update;
 
 pub use evaluate::{Above, Prepared, Unmasked};
-pub(crate) use file::BYTES_MAX;
+pub(crate) use file::{BYTES_MAX, name_from};
 pub use file::{RecipeFile, read_toml};
-pub(crate) use files::Way;
 pub use files::{Files, seen_from};
+pub(crate) use files::{Way, file_of_mesh, is_path};
 pub use image::Image;
 pub use layer::{Blend, Channels, Layer, Mask, MaskSource, Source};
 pub use presets::{PRESETS, Preset, open, preset};
@@ -283,6 +283,12 @@ impl Recipe {
         self.adjust.check()?;
         self.scene.check()?;
         self.check_layers()
+    }
+
+    /// Every file that it names: images, stored maps and meshes.
+    pub(crate) fn files(&self) -> impl Iterator<Item = &str> {
+        let mesh = self.mesh.iter().filter_map(|m| file_of_mesh(m));
+        self.layers.iter().flat_map(Layer::files).chain(mesh)
     }
 
     fn check_layers(&self) -> Result<()> {

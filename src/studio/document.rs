@@ -1,10 +1,14 @@
 //! The recipe that is being worked on, its file, and whether the file says the same.
 
+use super::beside::lay_beside;
 use super::journal::Base;
 use super::{Edit, Touched};
 use crate::error::{Error, Result};
 use crate::export::{real_path, write_atomic};
-use crate::recipe::{BYTES_MAX, Files, Recipe, RecipeFile, Stamp};
+use crate::map::Size;
+use crate::mesh;
+use crate::recipe::{BYTES_MAX, Files, Recipe, RecipeFile, Stamp, Way, name_from};
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -19,6 +23,7 @@ pub struct Document {
     stamp: Option<Stamp>,
     revision: u64,
     saved: u64,
+    brought: Brought,
 }
 
 impl Document {
@@ -31,6 +36,7 @@ impl Document {
             path,
             revision: 0,
             saved: 0,
+            brought: Brought::new(),
         }
     }
 
@@ -112,6 +118,26 @@ impl Document {
         self.file.files(false)
     }
 
+    /// The recipe as it is now, at another size, as what its files are made of.
+    ///
+    /// # Errors
+    /// As [`RecipeFile::update`].
+    pub fn at_size(&self, size: Size) -> Result<RecipeFile> {
+        let mut file = self.file.understood();
+        let mut recipe = Recipe {
+            version: file.recipe().version,
+            ..self.recipe.clone()
+        };
+        if size != recipe.size {
+            recipe.aspect = Some(recipe.aspect_at(recipe.size));
+            recipe.size = size;
+        }
+        if *file.recipe() != recipe {
+            file.update(recipe)?;
+        }
+        Ok(file)
+    }
+
     /// Applies an edit; gives what takes it back.
     ///
     /// # Errors
@@ -158,19 +184,62 @@ impl Document {
     }
 
     /// Writes it to a file, whole or not at all; that file is its own from now on. Files that it names are named by the way to
-    /// them from there. Where the path is a link, what it leads to is written.
+    /// them from there; those that a recipe of another folder may not name are copied beside it, over no other file. Where the path is a link, what it leads to is written.
     ///
     /// # Errors
     /// [`Error::Write`] when the folder or disk takes no file, [`Error::File`] when it is too long to be read again, and as
     /// [`RecipeFile::update`]. The document is as before.
     pub fn save(&mut self, path: &Path) -> Result<()> {
-        self.save_within(BYTES_MAX, path)
+        self.save_within(BYTES_MAX, path, &[])
     }
 
-    fn save_within(&mut self, bytes_max: u64, path: &Path) -> Result<()> {
-        let mut file = self.file.clone();
-        file.update(self.recipe.clone())?;
-        let file = file.moved(&folder_of(path))?.saved_as(path);
+    /// As [`Document::save`]; files that are named elsewhere, as by what was undone, come along.
+    pub(super) fn save_with(&mut self, path: &Path, named: &[String]) -> Result<()> {
+        self.save_within(BYTES_MAX, path, named)
+    }
+
+    /// Whether a path leads to the document's own file.
+    pub fn is_its_file(&self, path: &Path) -> bool {
+        let real = |path: &Path| path.canonicalize().ok();
+        let own = self.path.as_deref();
+        own == Some(path) || own.is_some_and(|own| real(own).is_some() && real(own) == real(path))
+    }
+
+    /// What the recipe is called once it is saved under a path. A name that came with a preset or the first scene, or was that
+    /// of the file, follows the file: what is exported must not be taken for another's.
+    pub(super) fn name_for(&self, path: &Path) -> String {
+        let name = &self.recipe.name;
+        let was = match &self.path {
+            Some(own) => name_from(own),
+            None => self.file.recipe().name.clone(),
+        };
+        if *name == was || name.is_empty() {
+            name_from(path)
+        } else {
+            name.clone()
+        }
+    }
+
+    fn save_within(&mut self, bytes_max: u64, path: &Path, named: &[String]) -> Result<()> {
+        if self.is_read_only() && self.is_its_file(path) {
+            let problem = "it is of a newer version, and saving would lose what is not known here";
+            return Err(Error::file(path, problem).with_hint("Save it under another name"));
+        }
+        let mut file = self.file.understood();
+        let recipe = Recipe {
+            version: file.recipe().version,
+            name: self.name_for(path),
+            ..self.recipe.clone()
+        };
+        file.update(recipe)?;
+        let folder = folder_of(path);
+        let (way, brought) = self.bring(
+            file.recipe()
+                .files()
+                .chain(named.iter().map(String::as_str)),
+            &folder,
+        )?;
+        let file = file.moved_by(way.as_ref(), &folder).saved_as(path);
         let text = file.to_toml();
         if text.len() as u64 > bytes_max {
             let problem = format!(
@@ -186,12 +255,48 @@ impl Document {
         self.path = Some(path.to_owned());
         self.stamp = Stamp::of(path);
         self.saved = self.revision;
+        self.brought = brought;
         Ok(())
+    }
+
+    /// Copies the files that a recipe names beside it, where it goes to another folder and could not name them from there.
+    fn bring<'a>(
+        &self,
+        names: impl Iterator<Item = &'a str>,
+        folder: &Path,
+    ) -> Result<(Option<Way>, Brought)> {
+        let from = self.files().folder;
+        let Some(mut way) = Way::between(from.as_deref(), folder)? else {
+            return Ok((None, Brought::new()));
+        };
+        let home = folder.canonicalize().map_err(Error::read(folder))?;
+        for name in names {
+            let path = way.place_of(name);
+            // What is not there keeps its name, and is told of when it is looked for.
+            let Ok(real) = path.canonicalize() else {
+                continue;
+            };
+            if !real.starts_with(&home) && !way.copied.contains_key(&real) {
+                let needed = mesh::companions(&path).unwrap_or_default();
+                let laid = lay_beside(&path, &needed, folder)?;
+                way.copied.insert(real, laid.name);
+            }
+        }
+        let brought = way.copied.clone();
+        Ok((Some(way), brought))
+    }
+
+    /// The files that were copied beside the recipe when it was last saved: where they are from, and what it calls them.
+    pub fn brought(&self) -> &BTreeMap<PathBuf, String> {
+        &self.brought
     }
 }
 
+/// Files that were copied, and what they are called since.
+type Brought = BTreeMap<PathBuf, String>;
+
 /// The folder that a file lies in.
-fn folder_of(path: &Path) -> PathBuf {
+pub(super) fn folder_of(path: &Path) -> PathBuf {
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty());
     parent.unwrap_or(Path::new(".")).to_owned()
 }
@@ -296,10 +401,77 @@ mod tests {
         fs::write(&path, TEXT).unwrap();
         let mut document = read(&path);
         change(&mut document);
-        let error = document.save_within(20, &path).unwrap_err().to_string();
+        let error = document
+            .save_within(20, &path, &[])
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("allowed: 20"), "{error}");
         assert_eq!(fs::read_to_string(&path).unwrap(), TEXT);
         assert!(document.is_changed());
-        document.save_within(1000, &path).unwrap();
+        document.save_within(1000, &path, &[]).unwrap();
+    }
+
+    #[test]
+    fn what_is_understood_of_a_newer_file_goes_under_another_name_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let newer = "version = 2\nglitter = 0.5\nseed = 7\n";
+        fs::write(&path, newer).unwrap();
+        let mut document = read(&path);
+        assert!(document.is_read_only());
+        let around = folder
+            .path()
+            .join("../")
+            .join(folder.path().file_name().unwrap());
+        for own in [path.clone(), around.join("a.toml")] {
+            let error = document.save(&own).unwrap_err().to_string();
+            assert!(error.contains("another name"), "{error}");
+        }
+        assert_eq!(fs::read_to_string(&path).unwrap(), newer);
+        let copy = folder.path().join("b.toml");
+        document.save(&copy).unwrap();
+        assert!(!document.is_read_only() && document.ignored().is_empty());
+        let back = read(&copy);
+        assert_eq!((back.recipe().seed, back.recipe().version), (7, 1));
+        assert_eq!(back.recipe().name, "b");
+        change(&mut document);
+        assert_eq!(fs::read_to_string(&path).unwrap(), newer);
+    }
+
+    #[test]
+    fn a_name_that_nobody_chose_follows_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let saved = |document: &mut Document, name: &str| {
+            document.save(&folder.path().join(name)).unwrap();
+            document.recipe().name.clone()
+        };
+        let preset = RecipeFile::parse(TEXT, "preset a", None).unwrap();
+        let mut document = Document::new(preset, None);
+        assert_eq!(saved(&mut document, "pot.toml"), "pot");
+        assert_eq!(saved(&mut document, "pot.toml"), "pot");
+        assert_eq!(saved(&mut document, "lid.toml"), "lid");
+        let text = fs::read_to_string(folder.path().join("lid.toml")).unwrap();
+        assert!(
+            text.contains("name = 'lid' # mine") || text.contains("name = \"lid\" # mine"),
+            "{text}"
+        );
+        // One that was chosen stays.
+        let recipe = Recipe {
+            name: "mine".to_owned(),
+            ..document.recipe().clone()
+        };
+        let recipe = Box::new(recipe);
+        document.apply(Edit::SetRecipe { recipe }).unwrap();
+        assert_eq!(saved(&mut document, "other.toml"), "mine");
+    }
+
+    #[test]
+    fn files_are_made_at_any_size_of_the_same_surface() {
+        let text = "version = 1\nsize = [64, 32]\n";
+        let document = Document::new(RecipeFile::parse(text, "a.toml", None).unwrap(), None);
+        let small = document.at_size(Size::new(8, 8).unwrap()).unwrap();
+        assert_eq!(small.recipe().aspect, Some(2.0));
+        let same = document.at_size(document.recipe().size).unwrap();
+        assert_eq!(same.to_toml(), text, "what generate reads");
     }
 }

@@ -5,6 +5,7 @@ use crate::map::{Size, Wrap};
 use crate::paint::{Brush, STROKES_MAX, Stroke, Strokes};
 use crate::recipe::{
     Adjust, Blend, Channels, Layer, Mask, MaskSource, Material, Recipe, Scene, Target, Way,
+    file_of_mesh,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -374,6 +375,30 @@ impl Edit {
             | Self::RemoveStroke { .. }
             | Self::RemoveLayer { .. }
             | Self::MoveLayer { .. } => {}
+        }
+    }
+
+    /// The files that it names.
+    pub(super) fn files(&self) -> Vec<&str> {
+        match self {
+            Self::InsertLayer { layer, .. } | Self::SetLayer { layer, .. } => layer.files(),
+            Self::SetHeader { header } => {
+                header.mesh.iter().filter_map(|m| file_of_mesh(m)).collect()
+            }
+            Self::SetRecipe { recipe } => recipe.files().collect(),
+            _ => vec![],
+        }
+    }
+
+    /// Gives the recipe its new name wherever it has the old one.
+    pub(super) fn rename(&mut self, old: &str, new: &str) {
+        let name = match self {
+            Self::SetHeader { header } => &mut header.name,
+            Self::SetRecipe { recipe } => &mut recipe.name,
+            _ => return,
+        };
+        if name == old {
+            new.clone_into(name);
         }
     }
 

@@ -13,6 +13,7 @@ pub mod orbit;
 pub mod parameters;
 pub mod settings;
 
+pub mod beside;
 mod canvas;
 mod document;
 mod edit;
@@ -43,6 +44,7 @@ pub use welcome::welcome;
 
 use crate::error::{Error, Result};
 use crate::filter::Pyramid;
+use crate::generate::scene;
 use crate::map::{AnisoMap, DEFAULT_TEXEL, Rect, Size, Wrap};
 use crate::mesh::{self, Body, Mesh};
 use crate::paint::{Brush, Point};
@@ -222,7 +224,7 @@ impl Studio {
             history: History::new(options.undo_bytes),
             keeper: Keeper::new(options.journals.clone()),
             canvas: Canvas::new(stack),
-            scene: scene_of(document.recipe(), subject.mesh()),
+            scene: scene(subject.mesh(), Some(document.recipe())),
             subject: Arc::new(subject),
             body,
             known: None,
@@ -346,7 +348,7 @@ impl Studio {
 
     /// Looks at the mesh as at the start.
     pub fn frame_all(&mut self) {
-        self.scene.camera = scene_of(self.document.recipe(), self.subject.mesh()).camera;
+        self.scene.camera = scene(self.subject.mesh(), Some(self.document.recipe())).camera;
     }
 
     /// The selected layer's place, counted from the lowest; past the end when there is none.
@@ -552,7 +554,7 @@ impl Studio {
         let material = self.recipe().material;
         let trouble = self.subject_mut().set_material(material).err();
         self.trouble.extend(trouble);
-        let lit = scene_of(self.document.recipe(), self.subject.mesh());
+        let lit = scene(self.subject.mesh(), Some(self.document.recipe()));
         self.scene.lights = lit.lights;
         self.scene.exposure = lit.exposure;
         if self.shown.mesh.as_deref() != Some(self.mesh_name()) {
@@ -746,7 +748,7 @@ impl Studio {
         self.averages = Some(made.averages);
         self.canvas = Canvas::new(made.stack);
         if moved {
-            self.scene = scene_of(self.document.recipe(), self.subject.mesh());
+            self.scene = scene(self.subject.mesh(), Some(self.document.recipe()));
         }
         self.behind.clear();
         self.dirty.clear();
@@ -1041,9 +1043,18 @@ impl Studio {
     pub fn save(&mut self, path: &Path) -> Result<()> {
         self.land();
         let from = self.document.files().folder;
-        self.document.save(path)?;
+        let name = self.recipe().name.clone();
+        let edits = self.history.edits_mut();
+        let of =
+            |e: &mut Edit| -> Vec<String> { e.files().into_iter().map(str::to_owned).collect() };
+        let named: Vec<String> = edits.flat_map(of).collect();
+        self.document.save_with(path, &named)?;
+        let renamed = self.document.recipe().name.clone();
+        let edits = self.history.edits_mut();
+        edits.for_each(|edit| edit.rename(&name, &renamed));
         let to = self.document.files().folder;
-        if let Some(way) = Way::between(from.as_deref(), &to.unwrap_or_default())? {
+        if let Some(mut way) = Way::between(from.as_deref(), &to.unwrap_or_default())? {
+            way.copied = self.document.brought().clone();
             self.history.edits_mut().for_each(|edit| edit.follow(&way));
         }
         self.keeper.end();
@@ -1062,7 +1073,11 @@ impl Studio {
             return Ok(false);
         }
         if file.is_read_only() {
-            let problem = "another program made it a file of a newer version";
+            let ignored = match file.ignored() {
+                [] => String::new(),
+                keys => format!("; not known here: {}", keys.join(", ")),
+            };
+            let problem = format!("another program made it a file of a newer version{ignored}");
             return Err(Error::file(file.path(), problem)
                 .with_hint("Your work is as it was; save it under another name"));
         }
@@ -1153,17 +1168,6 @@ fn open_mesh(word: &str, known: &recipe::Prepared, files: &recipe::Files) -> Res
     };
     let geometry = Geometry::new(Arc::clone(body.mesh()))?;
     Ok((body, geometry))
-}
-
-/// The scene of a recipe on a mesh.
-fn scene_of(recipe: &Recipe, mesh: &Mesh) -> Scene {
-    let mut scene = Scene::for_mesh(mesh);
-    if !recipe.scene.lights.is_empty() {
-        let lights: Vec<Vec3> = recipe.scene.lights.iter().map(|l| Vec3::from(*l)).collect();
-        scene.set_directions(&lights);
-    }
-    scene.exposure = recipe.scene.exposure;
-    scene
 }
 
 #[cfg(test)]

@@ -672,13 +672,11 @@ fn undo_after_saving_elsewhere_finds_its_files() {
     studio.redo().unwrap();
     studio.undo().unwrap();
     studio.save(&there.join("recipe.toml")).unwrap();
+    // The recipe's own folder is all that it may name: what it needs, now or after an undo, lies there.
     let named = |studio: &Studio, name: &str| {
-        let files = recipe::Files {
-            allow_outside: true,
-            ..studio.document().files()
-        };
+        let files = studio.document().files();
         let real = files.resolve("file", name).unwrap();
-        real.strip_prefix(here.canonicalize().unwrap())
+        real.strip_prefix(there.canonicalize().unwrap())
             .unwrap()
             .to_owned()
     };

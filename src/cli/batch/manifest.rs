@@ -1,7 +1,7 @@
 //! The manifest of a batch: jobs, and what they cross.
 
 use super::{FORMATS, folder_of};
-use crate::cli::generate::{formats, suffixes};
+use anisomap::generate::{formats, suffixes};
 use anisomap::map::Size;
 use anisomap::mesh;
 use anisomap::recipe::{self, PRESETS, RecipeFile, Target, read_toml};
@@ -106,7 +106,7 @@ impl Item {
             {
                 Target::ALL.to_vec()
             }
-            Ok(file) => formats(&self.formats, file, &FORMATS),
+            Ok(file) => formats(&self.formats, file.recipe(), &FORMATS),
             Err(_) => FORMATS.to_vec(),
         };
         suffixes(&formats)

@@ -6,10 +6,12 @@
 mod manifest;
 
 use super::args::BatchArgs;
-use super::generate::{Job, formats, make_folder};
 use super::{Outcome, Result, console, input};
 use anisomap::Error;
+use anisomap::export::Written;
 use anisomap::export::exr::Precision;
+use anisomap::export::png::{Depth, write_readme};
+use anisomap::generate::{Job, depths, formats, make_folder};
 use anisomap::map::Mended;
 use anisomap::recipe::Target;
 use indicatif::ProgressBar;
@@ -41,6 +43,9 @@ struct Success {
     files: usize,
     bytes: u64,
     mended: Mended,
+    /// The PNG sets among its files.
+    #[serde(skip)]
+    depths: Vec<Depth>,
 }
 
 pub(super) fn run(args: BatchArgs) -> Result {
@@ -58,8 +63,15 @@ pub(super) fn run(args: BatchArgs) -> Result {
             Err(failure) => failures.push(failure),
         }
     }
+    let depths: Vec<Depth> = made.iter().flat_map(|s| s.depths.clone()).collect();
+    let readme = if depths.is_empty() {
+        None
+    } else {
+        Some(write_readme(&args.output, &depths)?)
+    };
     let summary = Summary {
         asked: items.len(),
+        readme,
         made,
         failures,
         seconds: started.elapsed().as_secs_f64(),
@@ -151,18 +163,20 @@ fn make(item: &Item, args: &BatchArgs) -> Result<Success, Option<Failure>> {
     let job = Job {
         folder: args.output.clone(),
         stem: item.name.clone(),
-        formats: formats(&item.formats, &file, &FORMATS),
+        formats: formats(&item.formats, file.recipe(), &FORMATS),
+        readme: false,
         precision: Precision::Half,
         mesh: item.mesh.clone(),
         allow_outside: args.allow_outside,
         file,
     };
-    match job.make() {
+    match job.make(&console::Bars) {
         Ok(made) => Ok(Success {
             name: item.name.clone(),
             files: made.files.len(),
             bytes: made.files.iter().map(|f| f.bytes).sum(),
             mended: made.mended,
+            depths: depths(&job.formats),
         }),
         Err(Error::Cancelled) => Err(None),
         Err(error) => Err(failure(error.to_string())),
@@ -171,6 +185,8 @@ fn make(item: &Item, args: &BatchArgs) -> Result<Success, Option<Failure>> {
 
 struct Summary {
     asked: usize,
+    /// How to read the PNG sets: one file for all.
+    readme: Option<Written>,
     made: Vec<Success>,
     failures: Vec<Failure>,
     seconds: f64,
@@ -178,8 +194,11 @@ struct Summary {
 
 impl Summary {
     fn print(&self, as_json: bool) -> Result<()> {
-        let files: usize = self.made.iter().map(|s| s.files).sum();
+        let readme = self.readme.iter();
+        let own: usize = self.made.iter().map(|s| s.files).sum();
+        let files = own + readme.len();
         let bytes: u64 = self.made.iter().map(|s| s.bytes).sum();
+        let bytes = bytes + readme.map(|r| r.bytes).sum::<u64>();
         if as_json {
             return console::print_json(&json!({
                 "asked": self.asked,

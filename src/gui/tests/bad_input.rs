@@ -244,6 +244,30 @@ fn a_recipe_of_a_newer_version_is_shown_and_not_changed() {
     assert!(strokes(&window) == 0 && map(&window) == before);
     press(&mut window, "Delete");
     assert_eq!(window.state().desk.studio.recipe().layers.len(), 2);
+    // What is understood of it can be kept, once it is said what is lost.
+    press(&mut window, "Ctrl+S");
+    window.run_steps(2);
+    window.get_by_label_contains("what is not known here: glitter");
+    button(&window, "Save a copy");
+    window.run_steps(2);
+    assert!(matches!(window.state().dialog, Some(Dialog::File(_))));
+    window.state_mut().dialog = None;
+    let ctx = window.ctx.clone();
+    let path = folder.path().join("copy.toml");
+    window.state_mut().save(&ctx, &path);
+    let desk = &window.state().desk;
+    assert!(!desk.studio.document().is_read_only(), "{}", told(&window));
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    assert_eq!(strokes(&window), 1);
+}
+
+#[test]
+fn a_recipe_that_cannot_be_read_is_told_before_anything_is_asked() {
+    let (mut window, folder) = saved_window();
+    drop_files(&mut window, &[folder.path().join("nope.toml")]);
+    assert!(told(&window).contains("nope.toml"), "{}", told(&window));
+    assert!(window.state().dialog.is_none());
+    assert_eq!(strokes(&window), 1);
 }
 
 /// The journal of two strokes, as a kill leaves it, and its folder.

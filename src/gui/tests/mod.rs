@@ -434,14 +434,30 @@ fn work_that_was_left_behind_is_offered_and_taken_up() {
 #[test]
 fn an_export_writes_its_files_and_tells_what_was_lost() {
     let (mut window, folder) = window();
-    press(&mut window, "Ctrl+Shift+E");
     let out = folder.path().join("out");
-    field(&window, "Folder").click();
+    export_to(&mut window, &out);
+    assert!(
+        out.join("small.exr").is_file(),
+        "{:?}",
+        std::fs::read_dir(&out).map(|d| d.flatten().map(|e| e.path()).collect::<Vec<_>>())
+    );
+    assert!(out.join("small.glb").is_file());
+    window.get_by_label_contains("read back");
+}
+
+/// Exports into a folder by the dialog, which shows what came of it.
+fn export_to(window: &mut Window, out: &Path) {
+    press(window, "Ctrl+Shift+E");
+    field(window, "Folder").click();
     window.step();
-    press(&mut window, "Ctrl+A");
-    field(&window, "Folder").type_text(&out.display().to_string());
+    press(window, "Ctrl+A");
+    field(window, "Folder").type_text(&out.display().to_string());
     window.run_steps(2);
-    button(&window, "Export");
+    button(window, "Export");
+    wait_for_export(window);
+}
+
+fn wait_for_export(window: &mut Window) {
     for _ in 0..2000 {
         window.step();
         match &window.state().dialog {
@@ -450,13 +466,64 @@ fn an_export_writes_its_files_and_tells_what_was_lost() {
         }
     }
     window.step();
-    assert!(
-        out.join("small.exr").is_file(),
-        "{:?}",
-        std::fs::read_dir(&out).map(|d| d.flatten().map(|e| e.path()).collect::<Vec<_>>())
-    );
-    assert!(out.join("small.glb").is_file());
-    window.get_by_label_contains("read back");
+}
+
+#[test]
+fn an_export_asks_before_it_replaces_what_this_document_did_not_write() {
+    let (mut window, folder) = window();
+    let out = folder.path().join("out");
+    std::fs::create_dir(&out).unwrap();
+    std::fs::write(out.join("small.exr"), "another's").unwrap();
+    export_to(&mut window, &out);
+    // The dialog is smaller now, and comes to rest in the middle.
+    window.run_steps(3);
+    window.get_by_label_contains("there already");
+    assert_eq!(std::fs::read(out.join("small.exr")).unwrap(), b"another's");
+    assert!(!out.join("small.glb").exists());
+    button(&window, "Replace them");
+    wait_for_export(&mut window);
+    window.get_by_label_contains(&format!("files in {}", out.display()));
+    assert!(std::fs::read(out.join("small.exr")).unwrap().len() > 100);
+    // The recipe's copy lies there, as generate leaves it.
+    let copy = std::fs::read_to_string(out.join("small.toml")).unwrap();
+    assert!(copy.starts_with(anisomap::generate::MARK));
+    // Its own files are written again unasked.
+    press(&mut window, "Escape");
+    window.run_steps(2);
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    press(&mut window, "Ctrl+E");
+    wait_for_export(&mut window);
+    assert!(window.query_by_label_contains("there already").is_none());
+    assert!(std::fs::read_to_string(out.join("small.toml")).unwrap() != copy);
+}
+
+#[test]
+fn what_the_window_exports_is_what_generate_writes() {
+    let (mut window, folder) = window();
+    let path = folder.path().join("small.toml");
+    let ctx = window.ctx.clone();
+    window.state_mut().save(&ctx, &path);
+    let (out, other) = (folder.path().join("out"), folder.path().join("other"));
+    window.state_mut().desk.settings.export.targets = anisomap::recipe::Target::ALL.to_vec();
+    export_to(&mut window, &out);
+    let file = RecipeFile::read(&path).unwrap();
+    let job = anisomap::generate::Job {
+        stem: file.recipe().name.clone(),
+        file,
+        folder: other.clone(),
+        formats: anisomap::recipe::Target::ALL.to_vec(),
+        precision: Default::default(),
+        mesh: None,
+        allow_outside: false,
+        readme: true,
+    };
+    let made = job.make(&anisomap::generate::Unwatched).unwrap();
+    assert!(made.files.len() > 18);
+    for written in made.files {
+        let name = written.path.file_name().unwrap();
+        let ours = std::fs::read(out.join(name)).unwrap();
+        assert!(ours == std::fs::read(&written.path).unwrap(), "{name:?}");
+    }
 }
 
 #[test]
