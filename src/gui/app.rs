@@ -868,6 +868,14 @@ impl App {
             Wish::SaveOver(path) => self.save_over(ctx, &path),
             Wish::SaveElsewhere => self.ask_where_to_save(Purpose::SaveAs),
             Wish::SaveCopy => self.ask_for_name(Purpose::SaveAs),
+            Wish::AddPreset(preset) => {
+                let label = format!("Add {}", preset.name.replace('_', " "));
+                let added = preset
+                    .recipe()
+                    .and_then(|file| self.desk.studio.add_layers_of(&label, file.recipe()));
+                self.desk.told(added);
+                self.desk.redraw = self.desk.redraw.or(Redraw::Sharp);
+            }
             Wish::Import(told) => {
                 if let Some(folder) = self.own_folder() {
                     let begun = Intake::begin_textures(*told, &folder, ctx);

@@ -27,6 +27,11 @@ pub(crate) struct PresetBrowser {
     pictures: Vec<Option<TextureHandle>>,
     work: Option<Work<Drawn>>,
     begun: bool,
+    /// What is looked for.
+    search: String,
+    begun_search: bool,
+    /// The number of the one that was chosen.
+    chosen: Option<usize>,
 }
 
 /// What the browser wants done.
@@ -34,6 +39,8 @@ pub(crate) enum Wish {
     Stay,
     Close,
     Open(&'static Preset),
+    /// Its layers come into the document.
+    Add(&'static Preset),
 }
 
 impl PresetBrowser {
@@ -41,35 +48,81 @@ impl PresetBrowser {
         self.follow(ui);
         ui.set_width((PICTURE[0] as f32 + 12.0) * COLUMNS as f32 + 10.0);
         ui.heading("Presets");
-        ui.label(egui::RichText::new("Each opens as a new document: change it, paint on it, save it under a name of yours.").color(Palette::of(ui).weak));
-        ui.add_space(8.0);
+        ui.horizontal(|ui| {
+            ui.label("Search");
+            let field = egui::TextEdit::singleline(&mut self.search).desired_width(220.0);
+            let field = ui.add(field).accessible_name("Search");
+            let first = !self.begun_search && !ui.is_sizing_pass();
+            if first {
+                self.begun_search = true;
+                field.request_focus();
+            }
+        });
+        ui.add_space(6.0);
         let mut wish = Wish::Stay;
-        let room = (ui.ctx().content_rect().height() - 240.0).clamp(160.0, 900.0);
+        let found: Vec<usize> = (0..PRESETS.len())
+            .filter(|i| matches(&PRESETS[*i], &self.search))
+            .collect();
+        if found.is_empty() {
+            ui.label("No preset has all these words.");
+        }
+        let room = (ui.ctx().content_rect().height() - 300.0).clamp(160.0, 900.0);
         egui::ScrollArea::vertical()
             .max_height(room)
             .min_scrolled_height(room)
+            .auto_shrink([false, true])
             .show(ui, |ui| {
                 egui::Grid::new("presets")
                     .spacing(vec2(10.0, 10.0))
                     .show(ui, |ui| {
-                        for (i, preset) in PRESETS.iter().enumerate() {
-                            if self.card(ui, i, preset) {
-                                wish = Wish::Open(preset);
+                        for (n, i) in found.iter().enumerate() {
+                            let card = self.card(ui, *i, &PRESETS[*i]);
+                            if card.clicked() {
+                                self.chosen = Some(*i);
                             }
-                            if (i + 1) % COLUMNS == 0 {
+                            if card.double_clicked() {
+                                wish = Wish::Open(&PRESETS[*i]);
+                            }
+                            if (n + 1) % COLUMNS == 0 {
                                 ui.end_row();
                             }
                         }
                     });
             });
-        ui.add_space(8.0);
-        if ui.button("Close").clicked() {
-            wish = Wish::Close;
-        }
+        ui.add_space(6.0);
+        let chosen = self
+            .chosen
+            .filter(|i| found.contains(i))
+            .map(|i| &PRESETS[i]);
+        let about = chosen.map_or("Choose one to read what it is.", Preset::description);
+        ui.add(egui::Label::new(egui::RichText::new(about).color(Palette::of(ui).weak)).wrap());
+        ui.add_space(6.0);
+        ui.horizontal(|ui| {
+            for (text, tip, make) in [
+                (
+                    "Open as a new document",
+                    "In place of what is open, which is saved first if you like. A double click does the same.",
+                    Wish::Open as fn(&'static Preset) -> Wish,
+                ),
+                (
+                    "Add as layers",
+                    "Puts its layers above the selected one, as one step that can be undone.",
+                    Wish::Add,
+                ),
+            ] {
+                let button = ui.add_enabled(chosen.is_some(), egui::Button::new(text));
+                if let (true, Some(preset)) = (button.on_hover_text(tip).clicked(), chosen) {
+                    wish = make(preset);
+                }
+            }
+            if ui.button("Close").clicked() {
+                wish = Wish::Close;
+            }
+        });
         wish
     }
 
-    fn card(&self, ui: &mut Ui, i: usize, preset: &Preset) -> bool {
+    fn card(&self, ui: &mut Ui, i: usize, preset: &Preset) -> egui::Response {
         let palette = Palette::of(ui);
         let size = vec2(PICTURE[0] as f32, PICTURE[1] as f32 + 24.0);
         let (rect, response) = ui.allocate_exact_size(size, Sense::click());
@@ -94,7 +147,7 @@ impl PresetBrowser {
             FontId::proportional(12.5),
             palette.text,
         );
-        if response.hovered() || response.has_focus() {
+        if response.hovered() || response.has_focus() || self.chosen == Some(i) {
             ui.painter().rect_stroke(
                 rect,
                 round,
@@ -102,7 +155,7 @@ impl PresetBrowser {
                 StrokeKind::Inside,
             );
         }
-        response.on_hover_text(preset.description()).clicked()
+        response.on_hover_text(preset.description())
     }
 
     fn follow(&mut self, ui: &Ui) {
@@ -135,6 +188,13 @@ impl PresetBrowser {
             }
         }
     }
+}
+
+/// Whether a preset's name or description has every word.
+fn matches(preset: &Preset, search: &str) -> bool {
+    let text = format!("{} {}", preset.name.replace('_', " "), preset.description()).to_lowercase();
+    let words = search.to_lowercase();
+    words.split_whitespace().all(|word| text.contains(word))
 }
 
 /// A small lit picture of a preset.

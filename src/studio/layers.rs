@@ -1,6 +1,6 @@
 //! What is done to layers, each as one step of the history.
 
-use super::{Edit, Header, LayerHead, Studio};
+use super::{DEFAULT_MESH, Edit, Header, LayerHead, Studio};
 use crate::error::{Error, Result};
 use crate::paint::{Strokes, Tool};
 use crate::recipe::{Channels, Layer, Mask, MaskSource, Recipe, Source};
@@ -62,6 +62,37 @@ impl Studio {
         let edits = vec![Edit::InsertLayer { at, layer }];
         self.edit(&text, edits, Some(&source_key(label, at)))?;
         self.select(at);
+        Ok(())
+    }
+
+    /// Puts the layers of another recipe above the selected one, as one step, and selects the last. They look as they do there
+    /// but for what is random; strokes stay on the mesh that they were painted on.
+    ///
+    /// # Errors
+    /// When the recipe has as many layers as it may.
+    pub fn add_layers_of(&mut self, label: &str, other: &Recipe) -> Result<()> {
+        let first = (self.selected() + 1).min(self.recipe().layers.len());
+        let mut names = self.recipe().clone();
+        let mut edits = Vec::new();
+        for (at, layer) in (first..).zip(&other.layers) {
+            let mut layer = layer.clone();
+            layer.seed_of = Some(layer.random_name().to_owned());
+            layer.name = free_name(&names, layer.name());
+            let strokes = layer.all_strokes_mut().filter(|s| s.need_mesh());
+            strokes.for_each(|s| {
+                s.mesh
+                    .get_or_insert_with(|| other.mesh.clone().unwrap_or(DEFAULT_MESH.to_owned()));
+            });
+            names.layers.push(layer.clone());
+            let layer = Box::new(layer);
+            edits.push(Edit::InsertLayer { at, layer });
+        }
+        let last = first + edits.len();
+        if edits.is_empty() {
+            return Ok(());
+        }
+        self.edit(label, edits, None)?;
+        self.select(last - 1);
         Ok(())
     }
 

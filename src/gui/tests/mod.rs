@@ -532,9 +532,47 @@ fn a_preset_opens_as_a_document() {
     press(&mut window, "Ctrl+P");
     window.run_steps(2);
     window.get_by_label("Preset canvas").click();
+    window.run_steps(2);
+    button(&window, "Open as a new document");
     window.run_steps(3);
     settle(&mut window);
     assert_eq!(window.state().desk.studio.recipe().name, "canvas");
+}
+
+#[test]
+fn a_preset_that_is_looked_for_comes_as_layers_in_one_step() {
+    let (mut window, _folder) = window();
+    press(&mut window, "Ctrl+P");
+    window.run_steps(2);
+    field(&window, "Search").type_text("vinyl");
+    window.run_steps(2);
+    assert!(window.query_by_label("Preset canvas").is_none());
+    window.get_by_label("Preset vinyl record").click();
+    window.run_steps(2);
+    window.get_by_label_contains(
+        anisomap::recipe::preset("vinyl_record")
+            .unwrap()
+            .description(),
+    );
+    let before = window.state().desk.studio.recipe().clone();
+    window.state_mut().desk.studio.select(0);
+    button(&window, "Add as layers");
+    window.run_steps(3);
+    settle(&mut window);
+    let studio = &mut window.state_mut().desk.studio;
+    let preset = anisomap::recipe::preset("vinyl_record")
+        .unwrap()
+        .recipe()
+        .unwrap();
+    let added = preset.recipe().layers.len();
+    let after = studio.recipe().layers.clone();
+    assert_eq!(after.len(), before.layers.len() + added);
+    // Above the selected one, in their order, and the rest over them.
+    assert_eq!(after[1].source, preset.recipe().layers[0].source);
+    assert_eq!(after.last().unwrap().name(), "paint");
+    assert_eq!(studio.selected(), added);
+    assert!(studio.undo().unwrap());
+    assert_eq!(*studio.recipe(), before);
 }
 
 #[test]
