@@ -81,26 +81,44 @@ impl Body {
 
     /// Calls `visit` with every triangle whose box meets another.
     pub fn near(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(u32)) {
-        let meets = |a: Vec3, b: Vec3| a.cmple(high).all() && b.cmpge(low).all();
+        self.near_leaves(low, high, |_, triangles| {
+            for triangle in triangles {
+                let [a, b, c] = self.corners(*triangle);
+                if meets((a.min(b).min(c), a.max(b).max(c)), (low, high)) {
+                    visit(*triangle);
+                }
+            }
+        });
+    }
+
+    /// Calls `visit` with the leaves whose boxes meet another: the number of each, and its triangles.
+    pub fn near_leaves(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(u32, &[u32])) {
         let mut open = vec![0u32];
         while let Some(n) = open.pop() {
             let Some(node) = self.nodes.get(n as usize) else {
                 continue;
             };
-            if !meets(node.low, node.high) {
+            if !meets((node.low, node.high), (low, high)) {
                 continue;
             }
             if node.count == 0 {
                 open.extend([n + node.next, n + 1]);
-                continue;
-            }
-            for triangle in self.leaf(node) {
-                let [a, b, c] = self.corners(*triangle);
-                if meets(a.min(b).min(c), a.max(b).max(c)) {
-                    visit(*triangle);
-                }
+            } else {
+                visit(n, self.leaf(node));
             }
         }
+    }
+
+    /// The triangles of every leaf by its number; none where there is no leaf of that number.
+    pub fn leaves(&self) -> impl IndexedParallelIterator<Item = &[u32]> {
+        let nodes = self.nodes.par_iter().with_min_len(4096);
+        nodes.map(|node| {
+            if node.count == 0 {
+                &[]
+            } else {
+                self.leaf(node)
+            }
+        })
     }
 
     /// The nearest triangle that a ray meets, from whichever side; of several at one distance the one whose corners have the
@@ -148,6 +166,10 @@ impl Body {
     fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.mesh.corners(self.mesh.triangles[triangle as usize])
     }
+}
+
+fn meets(a: Box3, b: Box3) -> bool {
+    a.0.cmple(b.1).all() && a.1.cmpge(b.0).all()
 }
 
 /// The tree of some triangles, at most 32 boxes deep; `first` is the place of the first of them in the whole order.

@@ -11,11 +11,15 @@ use crate::math::Frame;
 use crate::mesh::{Body, Mesh};
 use crate::pattern::Surface;
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// How far paint reaches beyond the edge of a chart, texels.
 const GUTTER: f32 = 4.0;
+/// A mesh with more than a triangle for so many texels is looked through by leaves of its tree.
+const DENSE: usize = 4;
+const _: () = assert!(TILE <= 255, "places in a tile are told in a byte");
 /// Tiles whose places are kept.
 const KEPT: usize = 256;
 
@@ -27,10 +31,32 @@ pub struct Skin {
     /// For each tile the triangles that may show in it, with the periods they are moved by.
     tiles: Vec<Vec<(u32, (i8, i8))>>,
     scale: f32,
+    /// Where each leaf of the mesh's tree shows, when that is in one tile; for a mesh of about as many triangles as the map has
+    /// texels, and otherwise empty.
+    leaves: Vec<Option<Spot>>,
     /// The middle of the mesh's bounding box.
     middle: Vec3,
     kept: Mutex<HashMap<u32, Arc<Vec<Places>>>>,
     kept_charts: Mutex<HashMap<u32, Arc<Vec<u32>>>>,
+}
+
+/// A rectangle of a tile.
+#[derive(Clone, Copy)]
+struct Spot {
+    tile: u32,
+    at: [u8; 4],
+}
+
+impl Spot {
+    fn rect(&self, columns: u32) -> Rect {
+        let [x, y, width, height] = self.at.map(u32::from);
+        Rect {
+            x: self.tile % columns * TILE + x,
+            y: self.tile / columns * TILE + y,
+            width,
+            height,
+        }
+    }
 }
 
 /// Places of the surface, [`LANES`] side by side.
@@ -66,13 +92,38 @@ impl Skin {
             ground,
             columns,
             tiles: vec![Vec::new(); (columns * rows) as usize],
+            leaves: Vec::new(),
             kept: Mutex::default(),
             kept_charts: Mutex::default(),
         };
         for n in 0..skin.mesh().triangles.len() as u32 {
             skin.sort_in(n);
         }
+        if skin.mesh().triangles.len() * DENSE > size.texels() {
+            skin.leaves = skin.body.leaves().map(|leaf| skin.spot(leaf)).collect();
+        }
         skin
+    }
+
+    /// The one tile that triangles show in, and where.
+    fn spot(&self, triangles: &[u32]) -> Option<Spot> {
+        let (mut all, mut times) = (None::<Rect>, 0);
+        for n in triangles {
+            self.rects(*n, |rect, _| {
+                all = Some(all.map_or(rect, |all| all.hull(rect)));
+                times += 1;
+            });
+        }
+        let rect = all.filter(|_| times == triangles.len())?;
+        let (x, y) = (rect.x / TILE, rect.y / TILE);
+        let ends = (
+            (rect.x + rect.width - 1) / TILE,
+            (rect.y + rect.height - 1) / TILE,
+        );
+        (ends == (x, y)).then(|| Spot {
+            tile: y * self.columns + x,
+            at: [rect.x % TILE, rect.y % TILE, rect.width, rect.height].map(|n| n as u8),
+        })
     }
 
     /// The mesh.
@@ -117,7 +168,7 @@ impl Skin {
     }
 
     /// Calls `visit` with the texels that a triangle may show in or beside, and the periods it is moved by.
-    fn rects(&self, n: u32, mut visit: impl FnMut(Rect, (i8, i8))) {
+    pub(super) fn rects(&self, n: u32, mut visit: impl FnMut(Rect, (i8, i8))) {
         let [a, b, c] = self.layout(n);
         let reach = self.ground.grid.texel * (GUTTER + 0.5);
         let (low, high) = (a.min(b).min(c) - reach, a.max(b).max(c) + reach);
@@ -141,10 +192,34 @@ impl Skin {
         }
     }
 
+    #[cfg(test)]
+    pub(super) fn near(&self, low: Vec3, high: Vec3, visit: impl FnMut(u32)) {
+        assert!(!self.leaves.is_empty(), "a dense mesh");
+        self.body.near(low, high, visit);
+    }
+
     /// The texels that may show anything in a box of space: for each tile one rectangle, in the order of tiles.
     pub(super) fn touched(&self, low: Vec3, high: Vec3) -> Vec<(u32, Rect)> {
         let mut found: HashMap<u32, Rect> = HashMap::new();
-        self.body.near(low, high, |n| {
+        let (mut near, mut spots) = (Vec::new(), Vec::new());
+        if self.leaves.is_empty() {
+            self.body.near(low, high, |n| near.push(n));
+        } else {
+            self.body.near_leaves(low, high, |leaf, triangles| {
+                match self.leaves[leaf as usize] {
+                    Some(spot) => spots.push(spot),
+                    None => near.extend_from_slice(triangles),
+                }
+            });
+        }
+        let mut add = |tile: u32, part: Rect| {
+            let all = found.entry(tile).or_insert(part);
+            *all = all.hull(part);
+        };
+        for spot in spots {
+            add(spot.tile, spot.rect(self.columns));
+        }
+        for n in near {
             self.rects(n, |rect, _| {
                 for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
                     for x in rect.x / TILE..(rect.x + rect.width).div_ceil(TILE) {
@@ -155,13 +230,12 @@ impl Skin {
                             height: TILE,
                         };
                         if let Some(part) = tile.intersection(rect) {
-                            let all = found.entry(y * self.columns + x).or_insert(part);
-                            *all = all.hull(part);
+                            add(y * self.columns + x, part);
                         }
                     }
                 }
             });
-        });
+        }
         let mut found: Vec<(u32, Rect)> = found.into_iter().collect();
         found.sort_unstable_by_key(|(tile, _)| *tile);
         found

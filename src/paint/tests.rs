@@ -1035,6 +1035,36 @@ mod on_mesh {
     }
 
     #[test]
+    fn a_mesh_of_more_triangles_than_texels_is_painted_as_any_other() {
+        let (surface, skin) = skin(mesh::torus(), 200, 100, Wrap::Repeat);
+        let all = surface.size.rect();
+        let (mut small, mut whole) = (0, 0);
+        for n in 0..40 {
+            let at = skin.mesh().positions[n * 800];
+            let (low, high) = (at - 0.1, at + 0.1);
+            let mut near = Vec::new();
+            skin.near(low, high, |n| near.push(n));
+            let touched = skin.touched(low, high);
+            for n in near {
+                skin.rects(n, |rect, _| {
+                    for y in rect.y..rect.y + rect.height {
+                        for x in rect.x..rect.x + rect.width {
+                            let there = |r: &Rect| {
+                                (r.x..r.x + r.width).contains(&x)
+                                    && (r.y..r.y + r.height).contains(&y)
+                            };
+                            assert!(touched.iter().any(|(_, r)| there(r)), "{x}, {y}");
+                        }
+                    }
+                });
+            }
+            small += touched.iter().map(|(_, r)| r.texels()).sum::<usize>();
+            whole += all.texels();
+        }
+        assert!(small * 4 < whole, "{small} of {whole}");
+    }
+
+    #[test]
     fn copies_lie_over_the_middle_of_the_mesh() {
         let (surface, skin) = skin(mesh::torus(), 512, 256, Wrap::Repeat);
         let path = on_surface(
