@@ -819,7 +819,7 @@ impl CanvasPane {
                 let twice = (!u && i != 0) || (!v && j != 0);
                 let there = place(uv + by);
                 if !twice && by != Vec2::ZERO && map.expand(radius).contains(there) {
-                    ring(&painter, there, radius, 0.6);
+                    ring(&painter, there, radius, 0.8);
                 }
             }
         }

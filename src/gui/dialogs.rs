@@ -255,6 +255,20 @@ pub(crate) fn main_button(ui: &mut Ui, text: &str) -> egui::Response {
     ui.add(egui::Button::new(RichText::new(text).color(palette.text)).fill(palette.accent_ground))
 }
 
+/// The same, and what Enter does as long as no other control has the keyboard.
+fn default_button(ui: &mut Ui, text: &str) -> egui::Response {
+    let button = main_button(ui, text);
+    if ui.memory(|m| m.focused().is_none()) {
+        button.request_focus();
+    }
+    button
+}
+
+fn cancel_button(ui: &mut Ui) -> egui::Response {
+    ui.button("Cancel")
+        .on_hover_text("Leaves everything as it is (Escape).")
+}
+
 fn changed_on_disk(ui: &mut Ui, path: &Path) -> (Next, Option<Wish>) {
     ui.set_width(380.0);
     ui.heading("The file was changed by another program");
@@ -265,13 +279,17 @@ fn changed_on_disk(ui: &mut Ui, path: &Path) -> (Next, Option<Wish>) {
     ui.add_space(8.0);
     let mut answer = (Next::Stay, None);
     ui.horizontal(|ui| {
-        if main_button(ui, "Save under another name").clicked() {
+        let elsewhere = main_button(ui, "Save under another name");
+        let tip = "Asks for the name; the other program's file stays.";
+        if elsewhere.on_hover_text(tip).clicked() {
             answer = (Next::Close, Some(Wish::SaveElsewhere));
         }
-        if ui.button("Save over it").clicked() {
+        let over = ui.button("Save over it");
+        let tip = "What the other program wrote is lost.";
+        if over.on_hover_text(tip).clicked() {
             answer = (Next::Close, Some(Wish::SaveOver(path.to_owned())));
         }
-        if ui.button("Cancel").clicked() {
+        if cancel_button(ui).clicked() {
             answer = (Next::Close, None);
         }
     });
@@ -345,13 +363,16 @@ fn unsaved(ui: &mut Ui, desk: &Desk, then: &Then) -> (Next, Option<Wish>) {
     ui.add_space(8.0);
     let mut answer = (Next::Stay, None);
     ui.horizontal(|ui| {
-        if main_button(ui, "Save").clicked() {
+        let save = default_button(ui, "Save");
+        if save.on_hover_text("Saves, and goes on (Enter).").clicked() {
             answer = (Next::Close, Some(Wish::SaveThen(then.clone())));
         }
-        if ui.button("Do not save").clicked() {
+        let lose = ui.button("Do not save");
+        let tip = "Goes on; the changes are lost.";
+        if lose.on_hover_text(tip).clicked() {
             answer = (Next::Close, Some(Wish::Go(then.clone())));
         }
-        if ui.button("Cancel").clicked() {
+        if cancel_button(ui).clicked() {
             answer = (Next::Close, None);
         }
     });
@@ -442,7 +463,11 @@ fn ask_for_room(ui: &mut Ui, large: &Large) -> (Next, Option<Wish>) {
     ui.add_space(8.0);
     let mut answer = (Next::Stay, None);
     ui.horizontal(|ui| {
-        if main_button(ui, "Cancel").clicked() {
+        let cancel = main_button(ui, "Cancel");
+        if cancel
+            .on_hover_text("Leaves everything as it is (Escape).")
+            .clicked()
+        {
             answer = (Next::Close, None);
         }
         if ui
@@ -496,7 +521,11 @@ fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, O
     ui.add_space(8.0);
     let mut answer = (Next::Stay, None);
     ui.horizontal(|ui| {
-        if main_button(ui, "Begin").clicked() {
+        let begin = default_button(ui, "Begin");
+        if begin
+            .on_hover_text("Begins the document (Enter).")
+            .clicked()
+        {
             let made = new.recipe();
             answer = match desk.told(made) {
                 Some(file) => {
@@ -508,7 +537,7 @@ fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, O
                 None => (Next::Stay, None),
             };
         }
-        if ui.button("Cancel").clicked() {
+        if cancel_button(ui).clicked() {
             answer = (Next::Close, None);
         }
     });
@@ -640,7 +669,9 @@ fn settings(ui: &mut Ui, desk: &mut Desk) -> (Next, Option<Wish>) {
         );
     }
     ui.add_space(8.0);
-    let closed = main_button(ui, "Close").clicked();
+    let closed = main_button(ui, "Close")
+        .on_hover_text("Closes the settings, which are kept (Escape).")
+        .clicked();
     if desk.settings != before {
         desk.save_settings();
     }

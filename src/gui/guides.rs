@@ -18,7 +18,7 @@ const NEAR_HANDLE: f32 = 9.0;
 const NEAR_OUTLINE: f32 = 6.0;
 /// How far a press must go before it draws, and how far a hand trembles, points.
 const DRAWS: f32 = 5.0;
-const TREMBLE: f32 = 2.5;
+const TREMBLE: f32 = 5.0;
 /// Widths whose ratio stays below this show no direction to speak of.
 const ROUND: f32 = 1.25;
 
@@ -78,9 +78,13 @@ fn selected_guides(desk: &Desk) -> Option<(usize, Guides)> {
     }
 }
 
+/// What the history calls a guide that was drawn, and one that was changed.
+const DRAW: &str = "Draw guide";
+const CHANGE: &str = "Change guide";
+
 /// Gives a layer other guides; `false` where that was refused.
-fn set(desk: &mut Desk, at: usize, guides: Guides) -> bool {
-    let done = desk.studio.set_source(at, "Guides", Source::Guides(guides));
+fn set(desk: &mut Desk, at: usize, what: &str, guides: Guides) -> bool {
+    let done = desk.studio.set_source(at, what, Source::Guides(guides));
     desk.told(done).is_some()
 }
 
@@ -224,11 +228,13 @@ impl GuideHand {
             }
             Held::Handle(kind, by) => {
                 let (kind, to) = (*kind, to - *by);
-                self.change(desk, |g| g.drag(kind, to, modifiers, aspect))
+                self.change(desk, CHANGE, |g| g.drag(kind, to, modifiers, aspect))
             }
             Held::Body(by) => {
                 let to = to - *by;
-                self.change(desk, |g| g.drag(HandleKind::Center, to, modifiers, aspect))
+                self.change(desk, CHANGE, |g| {
+                    g.drag(HandleKind::Center, to, modifiers, aspect)
+                })
             }
         };
         match (done, &mut self.grip) {
@@ -237,7 +243,7 @@ impl GuideHand {
         }
     }
 
-    fn change(&self, desk: &mut Desk, change: impl FnOnce(&Guide) -> Guide) -> bool {
+    fn change(&self, desk: &mut Desk, what: &str, change: impl FnOnce(&Guide) -> Guide) -> bool {
         let Some((at, mut guides)) = selected_guides(desk) else {
             return false;
         };
@@ -245,7 +251,7 @@ impl GuideHand {
             return false;
         };
         *guide = change(guide);
-        set(desk, at, guides)
+        set(desk, at, what, guides)
     }
 
     /// Puts the guide that is being drawn over those of the layer, in the place of what it was a moment ago; on a layer of its
@@ -254,11 +260,11 @@ impl GuideHand {
         let before = self.grip.as_ref().is_some_and(|g| g.changed);
         desk.close_hint();
         match selected_guides(desk) {
-            Some(_) if before => self.change(desk, |_| guide),
+            Some(_) if before => self.change(desk, DRAW, |_| guide),
             Some((at, mut guides)) => {
                 guides.guide.push(guide);
                 self.selected = Some(guides.guide.len() - 1);
-                set(desk, at, guides)
+                set(desk, at, DRAW, guides)
             }
             None => {
                 let mut layer = layer(desk);
@@ -266,7 +272,7 @@ impl GuideHand {
                     guides.guide.push(guide);
                 }
                 self.selected = Some(0);
-                let added = desk.studio.add_growing_layer(layer, "Guides");
+                let added = desk.studio.add_growing_layer(layer, DRAW);
                 self.of_layer = desk.studio.selected();
                 desk.told(added).is_some()
             }
@@ -387,7 +393,9 @@ impl GuideHand {
     ) {
         let pointer = ui.input(|i| i.pointer.hover_pos());
         let centre = (sheet.to_screen)(guide.center().into());
-        for handle in guide.handles(aspect) {
+        let handles = guide.handles(aspect);
+        let is_curve = matches!(guide.shape, Shape::Curve { .. });
+        for handle in &handles {
             let at = (sheet.to_screen)(handle.at);
             if handle.kind == HandleKind::Rotation {
                 painter.line_segment([centre, at], Stroke::new(1.0, accent.gamma_multiply(0.6)));
@@ -405,6 +413,17 @@ impl GuideHand {
             };
             let stroke = Stroke::new(1.5, if hot { Color32::WHITE } else { accent });
             match handle.kind {
+                HandleKind::Point(i) if is_curve && i % 3 != 0 => {
+                    // What pulls the curve hangs on the place that it passes.
+                    let n = guide.shape.points().map_or(1, |(points, _)| points.len());
+                    let knot = if i % 3 == 1 { i - 1 } else { (i + 1) % n };
+                    let knot = handles.iter().find(|h| h.kind == HandleKind::Point(knot));
+                    if let Some(knot) = knot {
+                        let line = Stroke::new(1.0, accent.gamma_multiply(0.6));
+                        painter.line_segment([(sheet.to_screen)(knot.at), at], line);
+                    }
+                    painter.circle(at, 3.0, fill, stroke);
+                }
                 HandleKind::Rotation | HandleKind::Center => {
                     painter.circle(at, 5.0, fill, stroke);
                 }
@@ -436,7 +455,7 @@ impl GuideHand {
             return false;
         };
         guides.guide.remove(i);
-        set(desk, at, guides);
+        set(desk, at, "Delete guide", guides);
         desk.studio.seal();
         true
     }
@@ -542,7 +561,7 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk, hand: &mut GuideHand) {
         .on_hover_text("Which way the selected guide, and the next one, leads the direction.");
     if mode != before {
         hand.mode = mode;
-        let changed = hand.selected.is_some() && hand.change(desk, |g| with_mode(g, mode));
+        let changed = hand.selected.is_some() && hand.change(desk, CHANGE, |g| with_mode(g, mode));
         if changed {
             desk.studio.seal();
         }
@@ -574,7 +593,7 @@ fn give_widths(desk: &mut Desk) {
         return;
     };
     lay_widths(&mut guides, true);
-    set(desk, at, guides);
+    set(desk, at, "Lay widths", guides);
     desk.edit_head(at, "Channels", |h| h.channels = Channels::ALL);
     desk.studio.seal();
 }
@@ -657,7 +676,7 @@ pub(crate) fn panel(
         finished |= guide_rows(ui, guide);
     }
     if now != *guides {
-        set(desk, at, now);
+        set(desk, at, CHANGE, now);
     }
     if finished {
         desk.studio.seal();
@@ -671,6 +690,7 @@ fn list(ui: &mut Ui, hand: &mut GuideHand, guides: &mut Guides) -> bool {
             let text = format!("{}  {}", i + 1, guide.shape.name());
             if ui
                 .selectable_label(hand.selected == Some(i), text)
+                .on_hover_text("Selects the guide; Delete takes it away.")
                 .clicked()
             {
                 hand.selected = Some(i);

@@ -59,7 +59,10 @@ impl Help {
         ui.horizontal(|ui| {
             ui.heading("Shortcuts");
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                close = ui.button("Close").clicked();
+                close = ui
+                    .button("Close")
+                    .on_hover_text("Closes the list (Escape).")
+                    .clicked();
                 let field = egui::TextEdit::singleline(&mut self.wanted)
                     .hint_text("Search")
                     .desired_width(200.0);

@@ -53,6 +53,7 @@ pub(crate) fn column(ui: &mut Ui, desk: &mut Desk) {
 /// The bar.
 pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
     ui.spacing_mut().item_spacing.x = 6.0;
+    ui.set_min_height(26.0); // as high with every tool: the pictures below stay as large
     let kind = desk.hand.kind();
     let (rect, _) = ui.allocate_exact_size(vec2(22.0, 22.0), egui::Sense::hover());
     icon(kind).paint(ui.painter(), rect, Palette::of(ui).accent);

@@ -57,7 +57,7 @@ impl Studio {
     pub fn add_growing_layer(&mut self, mut layer: Layer, label: &str) -> Result<()> {
         layer.name = free_name(self.recipe(), layer.name());
         let at = (self.selected() + 1).min(self.recipe().layers.len());
-        let text = self::label("Add layer", layer.name());
+        let text = self::label(label, layer.name());
         let layer = Box::new(layer);
         let edits = vec![Edit::InsertLayer { at, layer }];
         self.edit(&text, edits, Some(&source_key(label, at)))?;

@@ -42,6 +42,11 @@ fn a_drag_draws_a_guide_on_a_layer_of_its_own_and_it_is_seen_at_once() {
         assert!(drawn.has_widths(), "on a round ground");
         assert!(map(&window) != before, "{name}");
         assert_eq!(window.state().desk.guides.selected, Some(0));
+        let labels: Vec<String> = {
+            let history = window.state().desk.studio.history();
+            history.labels().0.map(str::to_owned).collect()
+        };
+        assert_eq!(labels, ["Draw guide: guides"]);
         press(&mut window, "Ctrl+Z");
         settle(&mut window);
         assert!(guides(&window).is_none(), "one step: layer and guide");

@@ -979,3 +979,18 @@ fn a_click_on_a_bar_types_its_number() {
     let radius = window.state().desk.hand.brush().radius;
     assert!((radius - 0.1).abs() < 1e-6, "{radius}");
 }
+
+#[test]
+fn enter_does_what_most_people_want_of_a_dialog() {
+    let (mut window, _folder) = window();
+    press(&mut window, "Ctrl+N");
+    window.run_steps(2);
+    press(&mut window, "Enter");
+    window.run_steps(3);
+    settle(&mut window);
+    assert!(window.state().dialog.is_none());
+    assert_eq!(window.state().desk.studio.recipe().name, "untitled");
+    // The keys are the window's again.
+    press(&mut window, "K");
+    assert_eq!(window.state().desk.hand.kind(), ToolKind::Comb);
+}
