@@ -4,7 +4,7 @@ use super::guides::GuideHand;
 use super::messages::Messages;
 use anisomap::Error;
 use anisomap::map::Rect;
-use anisomap::recipe::{Layer, RecipeFile};
+use anisomap::recipe::{Layer, RecipeFile, Source};
 use anisomap::studio::action::Action;
 use anisomap::studio::hand::Hand;
 use anisomap::studio::keymap::Keymap;
@@ -87,6 +87,7 @@ pub(crate) struct Desk {
     pub(crate) first_control: Option<Id>,
     asked: Vec<Action>,
     strokes: u32,
+    told_of_guides: bool,
 }
 
 /// What the 3D picture needs.
@@ -131,6 +132,7 @@ impl Desk {
             first_control: None,
             asked: Vec::new(),
             strokes: 0,
+            told_of_guides: false,
         }
     }
 
@@ -241,11 +243,38 @@ impl Desk {
         let painted = self.told(ended);
         if painted == Some(true) {
             self.close_hint();
+            self.tell_of_guides();
         }
         if painted == Some(false) && self.hand.brush().tool.follows_stroke() {
             let name = self.hand.kind().name();
             self.messages.news(format!(
                 "{name} follows the stroke: drag to give it a direction"
+            ));
+        }
+    }
+
+    /// Says once that guides above what was painted lead its direction.
+    fn tell_of_guides(&mut self) {
+        let above = self
+            .studio
+            .recipe()
+            .layers
+            .iter()
+            .skip(self.studio.selected() + 1);
+        let lead = |l: &&Layer| match &l.source {
+            Source::Guides(guides) => {
+                l.visible
+                    && l.opacity > 0.5
+                    && l.channels.direction
+                    && !guides.only_near
+                    && !guides.guide.is_empty()
+            }
+            _ => false,
+        };
+        let name = above.filter(lead).map(|l| l.name().to_owned()).next();
+        if let Some(name) = name.filter(|_| !std::mem::replace(&mut self.told_of_guides, true)) {
+            self.messages.news(format!(
+                "The layer {name} lies above and leads the direction: paint on a layer over it, or let it act only near its guides"
             ));
         }
     }

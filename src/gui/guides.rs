@@ -475,11 +475,14 @@ fn handle_name(kind: HandleKind) -> &'static str {
     }
 }
 
-/// An empty layer of guides. It lays widths of its own where those below are round: no direction would show there.
+/// An empty layer of guides. Where what lies below is round it lays widths of its own, or no direction would show; else it
+/// leaves alone what is away from its guides.
 pub(crate) fn layer(desk: &Desk) -> Layer {
     let mut guides = Guides::default();
     if is_round(desk.studio.map()) {
         lay_widths(&mut guides, true);
+    } else {
+        guides.only_near = true;
     }
     Layer {
         name: "guides".to_owned(),
@@ -566,6 +569,12 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk, hand: &mut GuideHand) {
             desk.studio.seal();
         }
     }
+    if let Some((at, mut guides)) = selected_guides(desk) {
+        if near_box(ui, &mut guides) {
+            set(desk, at, CHANGE, guides);
+            desk.studio.seal();
+        }
+    }
     let palette = Palette::of(ui);
     match unseen(desk) {
         Some(why) => {
@@ -596,6 +605,13 @@ fn give_widths(desk: &mut Desk) {
     set(desk, at, "Lay widths", guides);
     desk.edit_head(at, "Channels", |h| h.channels = Channels::ALL);
     desk.studio.seal();
+}
+
+/// `true` when it was clicked.
+fn near_box(ui: &mut Ui, guides: &mut Guides) -> bool {
+    ui.checkbox(&mut guides.only_near, "Only near guides")
+        .on_hover_text("Whether the layer shows only where guides hold, and not between them: there the direction is the smoothest that fits all of them.")
+        .changed()
 }
 
 fn with_mode(guide: &Guide, mode: Mode) -> Guide {
@@ -899,10 +915,7 @@ fn layer_rows(ui: &mut Ui, guides: &mut Guides, unseen: Option<&str>) -> bool {
             across,
         );
     }
-    finished |= ui
-        .checkbox(&mut guides.only_near, "Only near guides")
-        .on_hover_text("Whether the layer shows only where guides hold, and not between them.")
-        .changed();
+    finished |= near_box(ui, guides);
     let mut grid = f64::from(guides.grid);
     let bar = Bar::new("Grid", 16.0..=4096.0)
         .integer(true)

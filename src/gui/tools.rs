@@ -32,13 +32,16 @@ pub(crate) fn icon(kind: ToolKind) -> Icon {
 pub(crate) fn column(ui: &mut Ui, desk: &mut Desk) {
     ui.spacing_mut().item_spacing = vec2(0.0, 3.0);
     ui.add_space(6.0);
+    // In a low window the buttons are smaller, and none is cut off.
+    let room = ui.available_height() - 3.0 * 7.0 - 6.0;
+    let side = (room / ToolKind::ALL.len() as f32 - 3.0).clamp(22.0, 34.0);
     ui.vertical_centered(|ui| {
         for kind in ToolKind::ALL {
             if matches!(kind, ToolKind::SetAlpha | ToolKind::Erase | ToolKind::Pick) {
                 ui.add_space(7.0);
             }
             let action = kind.action();
-            let button = icon_button(ui, icon(kind), kind.name(), 34.0, desk.hand.kind() == kind);
+            let button = icon_button(ui, icon(kind), kind.name(), side, desk.hand.kind() == kind);
             let tip = format!("{}\n{}", kind.name(), desk.tip(action));
             if kind == ToolKind::ALL[0] {
                 desk.first_control = Some(button.id);

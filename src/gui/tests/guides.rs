@@ -61,7 +61,21 @@ fn a_drag_draws_a_guide_on_a_layer_of_its_own_and_it_is_seen_at_once() {
 fn on_grooved_ground_a_guide_turns_the_direction_alone() {
     let (mut window, _folder) = open(SMALL);
     stroke(&mut window, (0.35, 0.5), (0.6, 0.65));
-    assert!(!guides(&window).unwrap().has_widths());
+    let drawn = guides(&window).unwrap();
+    assert!(!drawn.has_widths() && drawn.only_near, "{drawn:?}");
+}
+
+#[test]
+fn strokes_under_guides_are_told_once_who_leads() {
+    let (mut window, _folder) = open(ROUND);
+    stroke(&mut window, (0.35, 0.5), (0.6, 0.65));
+    window.state_mut().desk.studio.select(0);
+    press(&mut window, "B");
+    stroke(&mut window, (0.35, 0.4), (0.6, 0.45));
+    stroke(&mut window, (0.35, 0.4), (0.6, 0.45));
+    let told = window.state().desk.messages.texts();
+    let told = told.iter().filter(|t| t.contains("leads the direction"));
+    assert_eq!(told.count(), 1);
 }
 
 #[test]
