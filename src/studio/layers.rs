@@ -310,7 +310,7 @@ impl Studio {
             let own = |strokes: &Strokes| strokes.mesh.clone().or(self.recipe().mesh.clone());
             let (mine, other) = (own(&above), own(&both));
             if both.need_mesh() && mine != other {
-                let name = |mesh: Option<String>| mesh.unwrap_or(super::DEFAULT_MESH.to_owned());
+                let name = |mesh: Option<String>| mesh.unwrap_or(DEFAULT_MESH.to_owned());
                 let (mine, other) = (name(mine), name(other));
                 let what = format!("on {mine}");
                 let allowed = format!("a layer whose strokes lie on {other}, as those below do");
