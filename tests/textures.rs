@@ -23,7 +23,11 @@ const SIDE: u32 = 48;
 
 /// Every direction, widths from narrow to wide, some of them round.
 fn map() -> AnisoMap {
-    let mut map = AnisoMap::constant(Size::new(SIDE, SIDE).unwrap(), Wrap::Repeat, DEFAULT_TEXEL);
+    let mut map = AnisoMap::constant(
+        Size::new(SIDE, SIDE).expect("a size"),
+        Wrap::Repeat,
+        DEFAULT_TEXEL,
+    );
     let mut region = map.region_mut();
     for i in 0..(SIDE * SIDE) as usize {
         let (x, y) = (i as f32 % SIDE as f32, (i as f32 / SIDE as f32).floor());
@@ -47,7 +51,7 @@ fn made(folder: &Path, textures: Textures) -> anisomap::Result<AnisoMap> {
     };
     let path = folder.join("recipe.toml");
     let text = RecipeFile::new(recipe, "recipe.toml")?.to_toml();
-    fs::write(&path, text).unwrap();
+    fs::write(&path, text).expect("the folder is writable");
     let file = RecipeFile::read(&path)?;
     let map = file
         .recipe()
@@ -56,7 +60,8 @@ fn made(folder: &Path, textures: Textures) -> anisomap::Result<AnisoMap> {
 }
 
 fn assert_close(folder: &Path, textures: Textures, widths: f32, degrees: f32) {
-    let apart = compare(&map(), &made(folder, textures.clone()).unwrap()).unwrap();
+    let back = made(folder, textures.clone()).expect("it can be read");
+    let apart = compare(&map(), &back).expect("one size");
     let width = apart.well_held.max.max(apart.elsewhere.max);
     assert!(width <= widths, "{width} {textures:?}");
     assert!(
@@ -160,7 +165,9 @@ fn grey(folder: &Path, name: &str, value: impl Fn(usize) -> f32) {
     let picture = GrayImage::from_fn(SIDE, SIDE, |x, y| {
         Luma([(value((y * SIDE + x) as usize).clamp(0.0, 1.0) * 255.0).round() as u8])
     });
-    picture.save(folder.join(name)).unwrap();
+    picture
+        .save(folder.join(name))
+        .expect("the folder is writable");
 }
 
 /// Blender's sockets and Painter's channels as eight bits, by the inverse of each program's formula, written here anew.

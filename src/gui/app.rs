@@ -1187,7 +1187,7 @@ impl App {
             Taken::Layer { name, image } => {
                 let layer = Layer {
                     name,
-                    ..Layer::new(Source::Image(image))
+                    ..Layer::new(Source::Image(*image))
                 };
                 let added = self.desk.studio.add_layer(layer);
                 self.desk.told(added);

@@ -372,11 +372,19 @@ fn file_list<'a>(ui: &mut Ui, files: impl Iterator<Item = (&'a Path, Option<u64>
                     let name = path.file_name().unwrap_or_default().to_string_lossy();
                     ui.label(name).on_hover_text(path.display().to_string());
                     if let Some(bytes) = bytes {
-                        ui.label(RichText::new(bytes_text(bytes)).color(palette.weak));
+                        ui.label(RichText::new(size_text(bytes)).color(palette.weak));
                     }
                 });
             }
         });
+}
+
+/// A file's size, in KiB where it is small.
+fn size_text(bytes: u64) -> String {
+    match bytes {
+        0..=0x0f_ffff => format!("{} KiB", bytes.div_ceil(1024)),
+        _ => bytes_text(bytes),
+    }
 }
 
 /// A stage after the other as one bar, and Cancel asked for at every step of each.

@@ -279,7 +279,8 @@ impl ImportDialog {
         egui::CollapsingHeader::new("What the numbers mean")
             .id_salt("meaning")
             .show(ui, |ui| {
-                egui::Grid::new("meaning").num_columns(2).show(ui, |ui| {
+                let scroll = egui::ScrollArea::vertical().max_height(220.0);
+                scroll.show(ui, |ui| egui::Grid::new("meaning").num_columns(2).show(ui, |ui| {
                     pick(ui, "Widths by", &mut c.widths, &Widths::ALL.map(|w| (w, formula(w))));
                     let curves = [(Curve::Linear, "a width"), (Curve::Square, "a roughness: its square is the width")];
                     pick(ui, "First number is", &mut c.curve, &curves);
@@ -297,7 +298,7 @@ impl ImportDialog {
                     number(ui, "Degrees added", &mut c.rotation, -360.0..=360.0);
                     let axes = [(Leads::Along, "the axis that the widths' formula calls along"), (Leads::Highlight, "the highlight"), (Leads::Grooves, "the grooves")];
                     pick(ui, "Direction of", &mut c.leads, &axes);
-                });
+                }));
             });
     }
 

@@ -48,7 +48,7 @@ pub(crate) enum Taken {
     /// A mesh that lies beside the recipe now, by the name that the recipe has for it; read and looked over.
     Mesh { file: String, body: Arc<Body> },
     /// A map whose files lie beside the recipe now.
-    Layer { name: String, image: Image },
+    Layer { name: String, image: Box<Image> },
     /// Textures: what they mean is to be said first.
     Textures(Box<Seen>),
     /// A mesh without texture coordinates: they may be made.
@@ -200,7 +200,7 @@ fn take_map(path: &Path, folder: &Path) -> Result<Came, Error> {
             read_master(path)?;
             let laid = lay_beside(path, &[], folder)?;
             let name = stem(Path::new(&laid.name));
-            let image = Image::master(laid.name);
+            let image = Box::new(Image::master(laid.name));
             return Ok((
                 Taken::Layer { name, image },
                 laid.news.into_iter().collect(),
@@ -224,7 +224,7 @@ fn take_map(path: &Path, folder: &Path) -> Result<Came, Error> {
         path.display()
     );
     let name = own.to_owned();
-    let image = Image::master(file);
+    let image = Box::new(Image::master(file));
     Ok((Taken::Layer { name, image }, vec![news]))
 }
 
@@ -252,7 +252,7 @@ fn take_textures(told: Told, folder: &Path) -> Result<Came, Error> {
         }
         channel.file.clone_from(&laid[&channel.file]);
     }
-    let image = Image::of(textures);
+    let image = Box::new(Image::of(textures));
     Ok((Taken::Layer { name, image }, news))
 }
 
