@@ -521,9 +521,9 @@ impl App {
                 desk.redraw = desk.redraw.or(Redraw::Sharp);
             }
             Action::Cancel => {
-                if !self.canvas.cancel(desk) && !self.viewport.cancel(desk) {
-                    desk.guides.selected = None;
-                }
+                let called_off = self.canvas.cancel(desk) || self.viewport.cancel(desk);
+                // Where nothing is on its way it is the selection that is left.
+                desk.guides.selected = desk.guides.selected.filter(|_| called_off);
             }
             Action::Settings => self.dialog = Some(Dialog::Settings),
             _ => {}

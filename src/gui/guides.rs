@@ -569,11 +569,11 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk, hand: &mut GuideHand) {
             desk.studio.seal();
         }
     }
-    if let Some((at, mut guides)) = selected_guides(desk) {
-        if near_box(ui, &mut guides) {
-            set(desk, at, CHANGE, guides);
-            desk.studio.seal();
-        }
+    if let Some((at, mut guides)) = selected_guides(desk)
+        && near_box(ui, &mut guides)
+    {
+        set(desk, at, CHANGE, guides);
+        desk.studio.seal();
     }
     let palette = Palette::of(ui);
     match unseen(desk) {
