@@ -1127,7 +1127,11 @@ fn draft_size(recipe: &Recipe) -> Option<Size> {
     let layers = || recipe.layers.iter().filter(|l| l.visible);
     let strokes = layers().flat_map(|l| [l.strokes(false), l.strokes(true)].into_iter().flatten());
     let strokes: usize = strokes.map(|s| s.strokes.len()).sum();
-    if recipe.size.texels() <= DRAFT[0] || strokes > DRAFT_STROKES {
+    // A field between guides takes its time to solve: a drag shows drafts of smaller maps too.
+    let guided =
+        layers().any(|l| matches!(&l.source, recipe::Source::Guides(g) if !g.guide.is_empty()));
+    let most = if guided { DRAFT[1] } else { DRAFT[0] };
+    if recipe.size.texels() <= most || strokes > DRAFT_STROKES {
         return None;
     }
     let smaller = |shift: u32| {
