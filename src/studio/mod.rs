@@ -47,7 +47,7 @@ use crate::filter::Pyramid;
 use crate::generate::scene;
 use crate::map::{AnisoMap, DEFAULT_TEXEL, Rect, Size, Wrap};
 use crate::mesh::{self, Body, Mesh};
-use crate::paint::{Brush, Point};
+use crate::paint::{Brush, Live, Point};
 use crate::preview::{Prepared, Scene, Timings};
 use crate::progress::Progress;
 use crate::raster::Geometry;
@@ -71,7 +71,7 @@ const PIXELS_A_POINT: f32 = 4.0;
 /// How long the interface may be kept waiting while the map catches up with the canvas.
 const CATCH_UP: Duration = Duration::from_millis(16);
 /// Tiles of the map that are brought up to date at once.
-const TILES_AT_ONCE: usize = 8;
+const TILES_AT_ONCE: usize = 4;
 
 /// What a studio needs from its surroundings.
 #[derive(Clone, Debug)]
@@ -824,16 +824,22 @@ impl Studio {
     }
 
     fn go_on(&mut self, point: Point) {
-        let dirty = self.canvas.go_on(|live| live.push(point));
-        self.repaint(dirty);
+        self.push_point(|live| live.push(point));
         if let Some((brush, seed)) = self.full_stroke() {
             let again = self.begin_stroke(brush, seed.wrapping_add(1));
             if let Err(error) = again {
                 return self.trouble.push(error);
             }
-            let dirty = self.canvas.go_on(|live| live.push(point));
-            self.repaint(dirty);
+            self.push_point(|live| live.push(point));
         }
+    }
+
+    /// Lets the stroke in flight go on, and shows what that changes as far as the time allows, all taken together.
+    fn push_point(&mut self, push: impl FnOnce(&mut Live) -> Vec<Rect>) {
+        let begun = Instant::now();
+        let dirty = self.canvas.go_on(push);
+        canvas::add_parts(&mut self.behind, &self.canvas.parts(&dirty));
+        self.catch_up(Some(CATCH_UP.saturating_sub(begun.elapsed())));
     }
 
     /// Ends the stroke in flight when it takes no more points; another is to go on from where it ended.
@@ -858,19 +864,13 @@ impl Studio {
     }
 
     fn go_on_mesh(&mut self, position: Vec3, normal: Vec3, pressure: f32) {
-        let dirty = self
-            .canvas
-            .go_on(|live| live.push_on_mesh(position, normal, pressure));
-        self.repaint(dirty);
+        self.push_point(|live| live.push_on_mesh(position, normal, pressure));
         if let Some((brush, seed)) = self.full_stroke() {
             let again = self.begin_mesh_stroke(brush, seed.wrapping_add(1));
             if let Err(error) = again {
                 return self.trouble.push(error);
             }
-            let dirty = self
-                .canvas
-                .go_on(|live| live.push_on_mesh(position, normal, pressure));
-            self.repaint(dirty);
+            self.push_point(|live| live.push_on_mesh(position, normal, pressure));
         }
     }
 
