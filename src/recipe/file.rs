@@ -200,7 +200,7 @@ impl RecipeFile {
 
     /// Whether it names a file outside its own folder, which `--allow-outside` is needed for.
     pub fn names_outside(&self) -> bool {
-        self.recipe.files().any(|name| leaves_folder(name))
+        self.recipe.files().any(leaves_folder)
     }
 
     /// An error about a key of the recipe, told with its file and line; any other as it is.

@@ -176,7 +176,7 @@ fn a_mesh_without_texture_coordinates_is_given_some_when_that_is_wanted() {
     let (mut window, folder) = saved_window();
     let flat = folder.path().join("flat.obj");
     std::fs::write(&flat, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-    drop_files(&mut window, &[flat.clone()]);
+    drop_files(&mut window, std::slice::from_ref(&flat));
     assert!(matches!(&window.state().dialog, Some(Dialog::NoUvs(p)) if *p == flat));
     button(&window, "Cancel");
     window.run_steps(2);
