@@ -19,7 +19,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const GUTTER: f32 = 4.0;
 /// A mesh with more than a triangle for so many texels is looked through by leaves of its tree.
 const DENSE: usize = 4;
-const _: () = assert!(TILE <= 255, "places in a tile are told in a byte");
+const _: () = assert!(TILE <= 255, "sides up to a tile's are told in a byte");
 /// Tiles whose places are kept.
 const KEPT: usize = 256;
 
@@ -31,7 +31,7 @@ pub struct Skin {
     /// For each tile the triangles that may show in it, with the periods they are moved by.
     tiles: Vec<Vec<(u32, (i8, i8))>>,
     scale: f32,
-    /// Where each leaf of the mesh's tree shows, when that is in one tile; for a mesh of about as many triangles as the map has
+    /// Where each leaf of the mesh's tree shows, when that is in one place; for a mesh of about as many triangles as the map has
     /// texels, and otherwise empty.
     leaves: Vec<Option<Spot>>,
     /// The middle of the mesh's bounding box.
@@ -40,21 +40,20 @@ pub struct Skin {
     kept_charts: Mutex<HashMap<u32, Arc<Vec<u32>>>>,
 }
 
-/// A rectangle of a tile.
+/// A small rectangle of the map.
 #[derive(Clone, Copy)]
 struct Spot {
-    tile: u32,
-    at: [u8; 4],
+    at: [u16; 2],
+    sides: [u8; 2],
 }
 
 impl Spot {
-    fn rect(&self, columns: u32) -> Rect {
-        let [x, y, width, height] = self.at.map(u32::from);
+    fn rect(&self) -> Rect {
         Rect {
-            x: self.tile % columns * TILE + x,
-            y: self.tile / columns * TILE + y,
-            width,
-            height,
+            x: self.at[0].into(),
+            y: self.at[1].into(),
+            width: self.sides[0].into(),
+            height: self.sides[1].into(),
         }
     }
 }
@@ -105,7 +104,7 @@ impl Skin {
         skin
     }
 
-    /// The one tile that triangles show in, and where.
+    /// Where triangles show, when each shows once and all no farther from each other than a tile is long.
     fn spot(&self, triangles: &[u32]) -> Option<Spot> {
         let (mut all, mut times) = (None::<Rect>, 0);
         for n in triangles {
@@ -114,15 +113,10 @@ impl Skin {
                 times += 1;
             });
         }
-        let rect = all.filter(|_| times == triangles.len())?;
-        let (x, y) = (rect.x / TILE, rect.y / TILE);
-        let ends = (
-            (rect.x + rect.width - 1) / TILE,
-            (rect.y + rect.height - 1) / TILE,
-        );
-        (ends == (x, y)).then(|| Spot {
-            tile: y * self.columns + x,
-            at: [rect.x % TILE, rect.y % TILE, rect.width, rect.height].map(|n| n as u8),
+        let rect = all.filter(|r| times == triangles.len() && r.width.max(r.height) <= TILE)?;
+        Some(Spot {
+            at: [rect.x, rect.y].map(|n| n as u16),
+            sides: [rect.width, rect.height].map(|n| n as u8),
         })
     }
 
@@ -212,29 +206,25 @@ impl Skin {
                 }
             });
         }
-        let mut add = |tile: u32, part: Rect| {
-            let all = found.entry(tile).or_insert(part);
-            *all = all.hull(part);
-        };
-        for spot in spots {
-            add(spot.tile, spot.rect(self.columns));
-        }
-        for n in near {
-            self.rects(n, |rect, _| {
-                for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
-                    for x in rect.x / TILE..(rect.x + rect.width).div_ceil(TILE) {
-                        let tile = Rect {
-                            x: x * TILE,
-                            y: y * TILE,
-                            width: TILE,
-                            height: TILE,
-                        };
-                        if let Some(part) = tile.intersection(rect) {
-                            add(y * self.columns + x, part);
-                        }
+        let mut add = |rect: Rect| {
+            for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
+                for x in rect.x / TILE..(rect.x + rect.width).div_ceil(TILE) {
+                    let tile = Rect {
+                        x: x * TILE,
+                        y: y * TILE,
+                        width: TILE,
+                        height: TILE,
+                    };
+                    if let Some(part) = tile.intersection(rect) {
+                        let all = found.entry(y * self.columns + x).or_insert(part);
+                        *all = all.hull(part);
                     }
                 }
-            });
+            }
+        };
+        spots.iter().map(Spot::rect).for_each(&mut add);
+        for n in near {
+            self.rects(n, |rect, _| add(rect));
         }
         let mut found: Vec<(u32, Rect)> = found.into_iter().collect();
         found.sort_unstable_by_key(|(tile, _)| *tile);
