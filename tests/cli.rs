@@ -722,7 +722,7 @@ fn a_picture_that_cannot_be_drawn_is_refused_before_the_first_file() {
     desk.fails(
         "generate models.toml -o out",
         2,
-        &["side by side", "1 to 960"],
+        &["side by side", "1 to 64"],
     );
 }
 
