@@ -88,7 +88,10 @@ fn dabs(name: &str, texels: f32, points: usize) {
         for i in 0..25 {
             let at = middle + Vec2::new(cos, sin) * (step * i as f32);
             let point = Point::new(at, 0.5 + 0.02 * i as f32).expect("finite");
-            let (map, ()) = milliseconds(|| studio.stroke_to(point));
+            let (map, ()) = milliseconds(|| {
+                studio.tick(); // as each frame of the window begins
+                studio.stroke_to(point);
+            });
             let (rest, waits) = milliseconds(|| {
                 studio.draw(false).expect("a picture");
                 studio.is_behind()

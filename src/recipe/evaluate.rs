@@ -165,6 +165,21 @@ struct Origin {
     mesh: Option<String>,
 }
 
+impl Origin {
+    /// Whether it has strokes on the mesh of that word.
+    fn lies_on(&self, word: &str) -> bool {
+        let own = match &self.source {
+            Source::Strokes(strokes) => strokes.mesh.as_deref(),
+            _ => None,
+        };
+        let of_mask = match self.mask.as_ref().map(|m| &m.source) {
+            Some(MaskSource::Strokes(strokes)) => strokes.mesh.as_deref(),
+            _ => None,
+        };
+        [self.mesh.as_deref(), own, of_mask].contains(&Some(word))
+    }
+}
+
 #[derive(Clone)]
 enum PreparedSource {
     /// What does not know what lies below it.
@@ -540,6 +555,10 @@ impl Prepared {
     /// The same, which knows a mesh of the recipe by the word for it: [`Recipe::prepare_after`] does not read it again.
     #[must_use]
     pub fn with_mesh(mut self, word: &str, body: &Arc<Body>) -> Self {
+        if self.mesh(word).is_some_and(|old| !Arc::ptr_eq(old, body)) {
+            // Its file was read anew: what lies on the old one is to be made anew.
+            self.layers.retain(|layer| !layer.of.lies_on(word));
+        }
         self.shelf.bodies.retain(|(known, _)| known != word);
         self.shelf.bodies.push((word.to_owned(), Arc::clone(body)));
         self

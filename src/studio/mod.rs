@@ -140,6 +140,8 @@ pub struct Studio {
     on_mask: bool,
     /// Where the canvas is ahead of the map that is shown.
     behind: canvas::Parts,
+    /// How long points of the pen have kept the interface waiting in this frame.
+    spent: Duration,
     dirty: Vec<Rect>,
     new_map: bool,
     trouble: Vec<Error>,
@@ -238,6 +240,7 @@ impl Studio {
             solo: None,
             selected: document.recipe().layers.len().saturating_sub(1),
             behind: canvas::Parts::new(),
+            spent: Duration::ZERO,
             dirty: Vec::new(),
             new_map: false,
             trouble: Vec::new(),
@@ -311,9 +314,14 @@ impl Studio {
         &self.body
     }
 
-    /// A mesh that was read already, by the word for it: it is not read again when it is to be shown.
+    /// A mesh that was read already, by the word for it: it is not read again when it is to be shown. Where it is shown, as
+    /// its file was read before, it takes the place of that.
     pub fn know_mesh(&mut self, word: &str, body: Arc<Body>) {
         self.known = Some((word.to_owned(), body));
+        if self.shown.mesh.as_deref() == Some(word) {
+            self.shown.mesh = None;
+            self.work();
+        }
     }
 
     /// The averages of a map that is new, once, unless it was painted on since.
@@ -657,6 +665,7 @@ impl Studio {
 
     /// Takes over what the background has finished. To be called once a frame; costs nothing when there is nothing.
     pub fn tick(&mut self) -> Tick {
+        self.spent = Duration::ZERO;
         self.catch_up(Some(CATCH_UP));
         // What is made meanwhile would take the stroke in flight away: it waits until the pen is lifted.
         self.follow_making();
@@ -775,7 +784,7 @@ impl Studio {
             all.map.extend(tick.map);
             all.new_map |= tick.new_map;
             all.picture |= tick.picture;
-            if self.job.is_none() && !self.queue.is_making() {
+            if self.job.is_none() && !self.queue.is_making() && self.behind.is_empty() {
                 return all;
             }
             std::thread::sleep(Duration::from_millis(1));
@@ -839,7 +848,12 @@ impl Studio {
         let begun = Instant::now();
         let dirty = self.canvas.go_on(push);
         canvas::add_parts(&mut self.behind, &self.canvas.parts(&dirty));
-        self.catch_up(Some(CATCH_UP.saturating_sub(begun.elapsed())));
+        // Many points may come in one frame, and share its time.
+        if self.spent < CATCH_UP {
+            let left = CATCH_UP - self.spent;
+            self.catch_up(Some(left.saturating_sub(begun.elapsed())));
+        }
+        self.spent += begun.elapsed();
     }
 
     /// Ends the stroke in flight when it takes no more points; another is to go on from where it ended.
@@ -907,6 +921,7 @@ impl Studio {
     }
 
     fn end_now(&mut self) -> Result<bool> {
+        self.catch_up(Some(CATCH_UP));
         let Some(stroke) = self.canvas.end() else {
             self.cancel_live();
             return Ok(false);
@@ -1043,6 +1058,7 @@ impl Studio {
     pub fn save(&mut self, path: &Path) -> Result<()> {
         self.land();
         let from = self.document.files().folder;
+        let is_shown = self.shown.mesh.as_deref() == Some(self.mesh_name());
         let name = self.recipe().name.clone();
         let edits = self.history.edits_mut();
         let of =
@@ -1056,6 +1072,11 @@ impl Studio {
         if let Some(mut way) = Way::between(from.as_deref(), &to.unwrap_or_default())? {
             way.copied = self.document.brought().clone();
             self.history.edits_mut().for_each(|edit| edit.follow(&way));
+            // The mesh that is shown may be called otherwise now.
+            if is_shown {
+                self.shown.mesh = Some(self.mesh_name().to_owned());
+            }
+            self.work();
         }
         self.keeper.end();
         self.begin_journal();

@@ -341,8 +341,16 @@ impl Studio {
     pub(super) fn follow_making(&mut self) {
         if let Err(error) = self.wait_for_making(Duration::ZERO) {
             // The same would come of it again.
+            if let Some(lost) = self.queue.waiting.front() {
+                let layer = self.recipe().layers.get(lost.ground.layer);
+                let name = layer.map_or("no layer", |l| l.name());
+                let allowed = "a layer of a map that can be made; the stroke is lost";
+                let refusal = not_to_paint_on(name, allowed, &format!("Mend this first: {error}"));
+                self.trouble.push(refusal);
+            } else {
+                self.trouble.push(error);
+            }
             self.queue.waiting.clear();
-            self.trouble.push(error);
         }
         while let Some(next) = self.queue.waiting.front() {
             let ground = next.ground;
