@@ -198,6 +198,11 @@ fn charts(mesh: &Mesh, known: &Triangles) -> Vec<Chart> {
     parts.into_par_iter().flat_map_iter(cut).collect()
 }
 
+/// Cells, and later comparisons, that a triangle may take on the mean; a surface that is not wound up takes a few.
+const CROWD: usize = 64;
+/// The same of a part at all.
+const CROWD_LEAST: usize = 1 << 20;
+
 /// A connected part as it is seen from its side, with the triangles that lie in each cell of a grid.
 struct Sheet {
     side: u8,
@@ -253,10 +258,20 @@ impl Sheet {
         sheet
     }
 
+    /// Leaves the grid empty where the triangles lie over each other by the hundred.
     fn fill_cells(&mut self) {
         let mut counts = vec![0u32; self.columns * self.rows + 1];
+        let mut left = (CROWD * self.flat.len() + CROWD_LEAST).min(u32::MAX as usize);
         for t in 0..self.flat.len() {
-            self.each_cell(t, |cell| counts[cell + 1] += 1);
+            let has_room = self.each_cell(t, |cell| {
+                counts[cell + 1] += 1;
+                left -= 1;
+                left > 0
+            });
+            if !has_room {
+                self.starts.clear();
+                return;
+            }
         }
         for i in 1..counts.len() {
             counts[i] += counts[i - 1];
@@ -267,13 +282,15 @@ impl Sheet {
             self.each_cell(t, |cell| {
                 held[next[cell] as usize] = t as u32;
                 next[cell] += 1;
+                true
             });
         }
         (self.starts, self.held) = (counts, held);
     }
 
-    /// Calls `visit` with the cells that a triangle may touch: row by row the part that its edges span.
-    fn each_cell(&self, t: usize, mut visit: impl FnMut(usize)) {
+    /// Calls `visit` with the cells that a triangle may touch, row by row the part that its edges span, until it says false;
+    /// whether it never did.
+    fn each_cell(&self, t: usize, mut visit: impl FnMut(usize) -> bool) -> bool {
         let corners = self.flat[t].map(|p| (p - self.low) / self.cell);
         let (low, high) = bounds(&corners);
         let clamp = |x: f64, most: usize| (x.max(0.0) as usize).min(most - 1);
@@ -300,20 +317,25 @@ impl Sheet {
             }
             let (left, right) = (left.max(low.x) - 1e-6, right.min(high.x) + 1e-6);
             for column in clamp(left, self.columns)..=clamp(right, self.columns) {
-                visit(row * self.columns + column);
+                if !visit(row * self.columns + column) {
+                    return false;
+                }
             }
         }
+        true
     }
 
     /// Charts that do not lie over themselves: each grows from triangle to triangle as long as the next one lies beside all that
-    /// it has.
+    /// it has. Where too many lie over each other to be compared, every further triangle is a chart of its own.
     fn cut(&self, known: &Triangles, part: &Chart) -> Vec<Chart> {
-        if part.triangles.len() == 1 {
-            return vec![Chart {
+        if part.triangles.len() == 1 || self.starts.is_empty() {
+            let alone = |t: &u32| Chart {
                 side: part.side,
-                triangles: part.triangles.clone(),
-            }];
+                triangles: vec![*t],
+            };
+            return part.triangles.iter().map(alone).collect();
         }
+        let mut left = CROWD * part.triangles.len() + CROWD_LEAST;
         let numbers: HashMap<u32, u32> = part.triangles.iter().copied().zip(0..).collect();
         let mut chart_of = vec![NONE; part.triangles.len()];
         let mut refused_by = vec![NONE; part.triangles.len()];
@@ -334,7 +356,7 @@ impl Sheet {
                     if chart_of[n] != NONE || refused_by[n] == chart {
                         continue;
                     }
-                    if self.overlaps(n, chart, &chart_of) {
+                    if self.overlaps(n, (chart, &chart_of), &mut left) {
                         refused_by[n] = chart;
                     } else {
                         chart_of[n] = chart;
@@ -350,18 +372,17 @@ impl Sheet {
         charts
     }
 
-    /// Whether a triangle lies over any of a chart.
-    fn overlaps(&self, t: usize, chart: u32, chart_of: &[u32]) -> bool {
-        let mut found = false;
-        self.each_cell(t, |cell| {
+    /// Whether a triangle lies over any of a chart; of that one may compare as many as are `left`.
+    fn overlaps(&self, t: usize, (chart, chart_of): (u32, &[u32]), left: &mut usize) -> bool {
+        let is_free = self.each_cell(t, |cell| {
             let held = self.starts[cell] as usize..self.starts[cell + 1] as usize;
-            found = found
-                || self.held[held].iter().any(|o| {
-                    let o = *o as usize;
-                    chart_of[o] == chart && overlap(&self.flat[t], &self.flat[o])
-                });
+            self.held[held].iter().all(|o| {
+                let o = *o as usize;
+                *left = left.saturating_sub(1);
+                *left > 0 && !(chart_of[o] == chart && overlap(&self.flat[t], &self.flat[o]))
+            })
         });
-        found
+        !is_free
     }
 }
 
