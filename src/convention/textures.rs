@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Widths {
-    /// Two widths, each for itself: Mitsuba's, pbrt's, and this program's own.
+    /// Two widths, each for itself: Mitsuba's, pbrt's (of GGX), and this program's own.
     #[default]
     Alpha,
     /// along = mix(a, 1, s²), across = a.
@@ -29,7 +29,7 @@ pub enum Widths {
     OpenPbr,
     /// along = a (1 + s), across = a (1 - s), s from -1 to 1.
     KullaConty,
-    /// s from -1 to 1: along = a (1 - s), across = a / (1 - s) where s is over 0, else along = a / (1 + s), across = a (1 + s).
+    /// s from -0.99 to 0.99: along = a (1 - s), across = a / (1 - s) where s is over 0, else along = a / (1 + s), across = a (1 + s).
     Glossy,
     /// along = a, across = a / (1 - s).
     Substance,
@@ -90,8 +90,14 @@ impl Widths {
                 (along, rest * along)
             }
             Self::KullaConty => (a * (1.0 + signed), a * (1.0 - signed)),
-            Self::Glossy if signed > 0.0 => (a * (1.0 - signed), a / rest(signed)),
-            Self::Glossy => (a / rest(-signed), a * (1.0 + signed)),
+            Self::Glossy => {
+                let s = s.clamp(-0.99, 0.99); // as Cycles does
+                if s > 0.0 {
+                    (a * (1.0 - s), a / (1.0 - s))
+                } else {
+                    (a / (1.0 + s), a * (1.0 + s))
+                }
+            }
             Self::Substance => (a, a / rest(part)),
         }
     }
@@ -209,7 +215,7 @@ impl Convention {
     };
 
     /// Those that have a name, the likeliest first.
-    pub const NAMED: [Named; 12] = [
+    pub const NAMED: [Named; 13] = [
         Named {
             name: "glTF",
             about: "Roughness in G of one texture; direction in R, G and strength in B of another (KHR_materials_anisotropy).",
@@ -288,9 +294,18 @@ impl Convention {
         },
         Named {
             name: "Widths and angle",
-            about: "alpha_u and alpha_v of Ward or Beckmann (Mitsuba, pbrt without remapping), an angle 0 to 1 for a turn.",
+            about: "alpha_u and alpha_v of Ward or Beckmann (Mitsuba), an angle 0 to 1 for a turn.",
             convention: Self {
                 encoding: Encoding::Angle,
+                ..Self::PLAIN
+            },
+        },
+        Named {
+            name: "GGX widths and angle",
+            about: "alpha_x and alpha_y of GGX (pbrt without remapping, Mitsuba's ggx), an angle 0 to 1 for a turn.",
+            convention: Self {
+                encoding: Encoding::Angle,
+                lobe_fit: LobeFit::WardToGgx,
                 ..Self::PLAIN
             },
         },

@@ -128,7 +128,7 @@ fn picture<'a, D: ImageDecoder>(
     let (width, height) = decoder.dimensions();
     let size = Size::new(width, height).map_err(|e| Error::file(path, e.to_string()))?;
     // Deflate packs at most 1032 to 1: a small file that claims more is not worth the memory.
-    if decoder.total_bytes() > 1100 * bytes.len() as u64 {
+    if decoder.total_bytes() > 8 * 1100 * bytes.len() as u64 {
         let problem = format!("it claims {size} texels in {} bytes", bytes.len());
         return Err(Error::file(path, problem));
     }

@@ -224,7 +224,8 @@ impl Textures {
         let x_leads = match c.leads {
             Leads::Grooves => true,
             Leads::Highlight => false,
-            Leads::Along => c.widths == Widths::Alpha,
+            // Of these the x axis is the narrow one where nothing else is said: along of the width that is not stretched.
+            Leads::Along => matches!(c.widths, Widths::Alpha | Widths::Substance | Widths::Glossy),
         };
         Texel {
             axis: if x_leads { axis } else { axis.perpendicular() },
