@@ -266,6 +266,12 @@ impl Job {
                     .as_ref()
                     .map(|word| Projection::split(word).0.into()),
             )
+            .flat_map(|path| {
+                let beside = path.parent().unwrap_or(Path::new("")).to_owned();
+                let needed = mesh::companions(&path).unwrap_or_default();
+                let needed = needed.into_iter().map(move |file| beside.join(file));
+                std::iter::once(path).chain(needed)
+            })
             .filter_map(|path| path.canonicalize().ok())
             .filter(|path| path.is_file())
             .collect();

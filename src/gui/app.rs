@@ -1106,6 +1106,9 @@ impl App {
         let size = self.desk.studio.viewport().size();
         let before = std::mem::replace(&mut self.desk.studio, studio);
         before.close();
+        // What was on its way to the other document is none of this one's.
+        self.intake = None;
+        self.desk.reading = None;
         self.desk.exported.clear();
         let viewport = self.desk.studio.viewport_mut();
         viewport.resize(size);

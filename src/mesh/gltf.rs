@@ -195,6 +195,7 @@ pub(super) fn companions(path: &Path, bytes: &[u8]) -> Result<Vec<PathBuf>> {
     let mut files: Vec<PathBuf> = named
         .filter(|uri| !uri.starts_with("data:"))
         .filter_map(path_beside)
+        .filter(|file| lies_beside(path, &path.parent().unwrap_or(Path::new("")).join(file)))
         .collect();
     files.sort();
     files.dedup();
@@ -316,7 +317,29 @@ fn load_uri(
         )
         .with_hint("Buffers are read from beside the file only; move it there, or export a .glb")
     })?;
-    read_limited(&path.parent().unwrap_or(Path::new("")).join(beside), limit)
+    let file = path.parent().unwrap_or(Path::new("")).join(beside);
+    if !lies_beside(path, &file) {
+        let problem = format!("its buffer `{uri}` is a link that leads out of its folder");
+        return Err(Error::file(path, problem).with_hint("Put the buffer itself there"));
+    }
+    read_limited(&file, limit)
+}
+
+/// Whether a file that is there really lies in the folder of a glTF file, or below it: a link may lead elsewhere. Where the
+/// glTF file is a link itself, both count.
+fn lies_beside(path: &Path, file: &Path) -> bool {
+    let folder = |path: &Path| {
+        let parent = path.parent().filter(|p| !p.as_os_str().is_empty());
+        parent.unwrap_or(Path::new(".")).canonicalize().ok()
+    };
+    let Ok(real) = file.canonicalize() else {
+        return true; // it is not there, which reading it tells
+    };
+    let target = path.canonicalize().ok().and_then(|p| folder(&p));
+    [folder(path), target]
+        .into_iter()
+        .flatten()
+        .any(|home| real.starts_with(home))
 }
 
 /// (mesh, transform to the world) of every node of the default scene, parents before children. Without any scene every node

@@ -1,8 +1,8 @@
 //! Files that come to lie beside a recipe, which names files of its own folder alone.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, open_regular};
 use crate::export::write_atomic;
-use std::io::Write;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// A path in a folder that nothing has yet: `lid.obj`, `lid_2.obj` and so on.
@@ -56,7 +56,15 @@ pub fn lay_beside(path: &Path, needed: &[PathBuf], folder: &Path) -> Result<Laid
         if alone { to.to_owned() } else { to.join(file) }
     };
     let mut to = folder.join(wanted);
-    let there = |(from, file): &(PathBuf, PathBuf)| same(from, &at(&to, file));
+    // A link that leads out of the folder would not be read again.
+    let is_inside = |path: &Path| {
+        path.canonicalize()
+            .is_ok_and(|real| real.starts_with(&home))
+    };
+    let there = |(from, file): &(PathBuf, PathBuf)| {
+        let at = at(&to, file);
+        is_inside(&at) && same(from, &at)
+    };
     if to.exists() && !files.iter().all(there) {
         to = free_path(folder, wanted);
     }
@@ -99,9 +107,9 @@ fn same(one: &Path, other: &Path) -> bool {
 }
 
 fn copy(from: &Path, to: &Path) -> Result<()> {
-    let bytes = std::fs::read(from).map_err(Error::read(from))?;
+    let (mut file, _) = open_regular(from)?;
     if let Some(folder) = to.parent() {
         std::fs::create_dir_all(folder).map_err(Error::write(folder))?;
     }
-    write_atomic(to, |out| out.write_all(&bytes)).map(drop)
+    write_atomic(to, |out| io::copy(&mut file, out).map(drop)).map(drop)
 }

@@ -265,17 +265,17 @@ impl Document {
         names: impl Iterator<Item = &'a str>,
         folder: &Path,
     ) -> Result<(Option<Way>, Brought)> {
-        let from = self.files().folder;
-        let Some(mut way) = Way::between(from.as_deref(), folder)? else {
+        let files = self.files();
+        let Some(mut way) = Way::between(files.folder.as_deref(), folder)? else {
             return Ok((None, Brought::new()));
         };
         let home = folder.canonicalize().map_err(Error::read(folder))?;
         for name in names {
-            let path = way.place_of(name);
-            // What is not there keeps its name, and is told of when it is looked for.
-            let Ok(real) = path.canonicalize() else {
+            // What is not there, or may not be named, keeps its name, and is told of when it is looked for.
+            let Ok(real) = files.resolve("file", name) else {
                 continue;
             };
+            let path = way.place_of(name);
             if !real.starts_with(&home) && !way.copied.contains_key(&real) {
                 let needed = mesh::companions(&path).unwrap_or_default();
                 let laid = lay_beside(&path, &needed, folder)?;
