@@ -520,9 +520,14 @@ mod tests {
 
     /// A ramp that winds up three times: seen from above it lies over itself.
     fn spiral() -> Mesh {
+        wound(90, 0.2)
+    }
+
+    /// The same of so many steps of so many radians.
+    fn wound(steps: u32, step: f32) -> Mesh {
         let mut mesh = Mesh::empty("spiral", 1.0);
-        for i in 0..=90u32 {
-            let angle = i as f32 * 0.2;
+        for i in 0..=steps {
+            let angle = i as f32 * step;
             for r in [0.5, 1.0] {
                 mesh.positions.push(Vec3::new(
                     r * angle.cos(),
@@ -532,7 +537,7 @@ mod tests {
                 mesh.normals.push(Vec3::Y);
             }
         }
-        for i in 0..90 {
+        for i in 0..steps {
             let (a, b, c, d) = (2 * i, 2 * i + 1, 2 * i + 2, 2 * i + 3);
             mesh.triangles.extend([[a, b, d], [a, d, c]]);
         }
@@ -643,6 +648,16 @@ mod tests {
         let mut empty = Mesh::empty("nothing", 1.0);
         Projection::Box.lay(&mut empty);
         assert!(empty.triangles.is_empty());
+    }
+
+    #[test]
+    fn a_surface_that_is_wound_up_without_end_is_laid_all_the_same() {
+        // Every cell holds every fourth triangle: comparing all of them would take minutes.
+        let mut mesh = wound(20_000, 1.571);
+        Projection::Box.lay(&mut mesh);
+        assert_eq!(mesh.triangles.len(), 40_000);
+        let inside = |uv: &Vec2| (0.0..=1.0).contains(&uv.x) && (0.0..=1.0).contains(&uv.y);
+        assert!(mesh.uvs.iter().all(inside));
     }
 
     #[test]
