@@ -48,13 +48,24 @@ pub(super) fn parse(path: &Path, bytes: &[u8], projection: Option<Projection>) -
     Ok(mesh)
 }
 
+/// A face of more bytes than this is not joined from further lines when it is only counted.
+const LINE_MAX: usize = 1 << 20;
+
 /// How many triangles the lines of an OBJ file make, and whether all have texture coordinates.
 pub(super) fn about(
     lines: impl Iterator<Item = std::io::Result<Vec<u8>>>,
 ) -> std::io::Result<(usize, bool)> {
     let (mut triangles, mut has_uvs) = (0usize, true);
+    let mut begun = Vec::new();
     for line in lines {
-        let line = line?;
+        begun.extend(line?);
+        let whole = begun.trim_ascii_end().len();
+        if begun[..whole].ends_with(b"\\") && whole < LINE_MAX {
+            begun.truncate(whole - 1); // it goes on in the next
+            begun.push(b' ');
+            continue;
+        }
+        let line = std::mem::take(&mut begun);
         let mut words = line
             .split(u8::is_ascii_whitespace)
             .filter(|w| !w.is_empty());

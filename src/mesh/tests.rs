@@ -574,3 +574,20 @@ fn damaged_objs_never_panic() {
     }
     assert!(good > 100 && bad > 100, "{good} read, {bad} refused");
 }
+
+#[test]
+fn what_an_obj_says_of_itself_is_counted_over_continued_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    let say = |faces: &str| {
+        std::fs::write(&path, faces).unwrap();
+        let About { triangles, has_uvs } = about(&path).unwrap();
+        (triangles, has_uvs)
+    };
+    assert_eq!(
+        say("f 1/1 2/2 \\\r\n 3/3\nf 1/1 2/2 3/3 4/4 # \\ in a remark\n"),
+        (3, true)
+    );
+    assert_eq!(say("f 1/1 2/2 3/3\nf 1 2 3\n"), (2, false));
+    assert_eq!(say("vn 0 0 1\n"), (0, true));
+}
