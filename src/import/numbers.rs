@@ -48,19 +48,26 @@ impl Numbers {
                 let body = Body::Exr(names);
                 Ok(Self { size, body })
             }
-            Some([0x89, b'P', b'N', b'G']) => picture(path, &bytes, "PNG", |bytes, limits| {
+            Some([0x89, b'P', b'N', b'G']) => decode(path, &bytes, "PNG", |bytes, limits| {
                 PngDecoder::with_limits(Cursor::new(bytes), limits)
-            }),
+            })
+            .map(Self::of),
             Some([b'I', b'I', ..] | [b'M', b'M', ..]) => {
-                picture(path, &bytes, "TIFF", |bytes, limits| {
+                decode(path, &bytes, "TIFF", |bytes, limits| {
                     let mut decoder = TiffDecoder::new(Cursor::new(bytes))?;
                     decoder.set_limits(limits)?;
                     Ok(decoder)
                 })
+                .map(Self::of)
             }
             _ => Err(Error::file(path, "it is no PNG, TIFF or OpenEXR file")
                 .with_hint("Save the texture as one of them: JPEG loses what a map is made of")),
         }
+    }
+
+    fn of((size, picture): (Size, DynamicImage)) -> Self {
+        let body = Body::Picture(picture);
+        Self { size, body }
     }
 
     /// Its size.
@@ -115,19 +122,20 @@ impl Numbers {
     }
 }
 
-fn picture<'a, D: ImageDecoder>(
+/// Decodes a picture of which nothing is believed before its bytes could hold it.
+pub(super) fn decode<'a, D: ImageDecoder>(
     path: &Path,
     bytes: &'a [u8],
     kind: &str,
     open: impl FnOnce(&'a [u8], Limits) -> image::ImageResult<D>,
-) -> Result<Numbers> {
+) -> Result<(Size, DynamicImage)> {
     let broken = |e: image::ImageError| Error::file(path, format!("it is no usable {kind}: {e}"));
     let mut limits = Limits::default();
     limits.max_alloc = Some(EXTRAS_MAX + bytes.len() as u64);
     let mut decoder = open(bytes, limits).map_err(broken)?;
     let (width, height) = decoder.dimensions();
     let size = Size::new(width, height).map_err(|e| Error::file(path, e.to_string()))?;
-    // Deflate packs at most 1032 to 1: a small file that claims more is not worth the memory.
+    // Deflate packs at most 1032 to 1, and a bit may become a byte: a small file that claims more is not worth the memory.
     if decoder.total_bytes() > 8 * 1100 * bytes.len() as u64 {
         let problem = format!("it claims {size} texels in {} bytes", bytes.len());
         return Err(Error::file(path, problem));
@@ -136,8 +144,7 @@ fn picture<'a, D: ImageDecoder>(
     limits.max_alloc = Some(8 * decoder.total_bytes() + (64 << 20));
     decoder.set_limits(limits).map_err(broken)?;
     let picture = DynamicImage::from_decoder(decoder).map_err(broken)?;
-    let body = Body::Picture(picture);
-    Ok(Numbers { size, body })
+    Ok((size, picture))
 }
 
 /// Channel `at` of a picture; `None` where its numbers are of no kind that is known here.
