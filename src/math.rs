@@ -213,6 +213,12 @@ pub fn round_fast(x: f32) -> f32 {
     (x + ROUND) - ROUND
 }
 
+/// `a` where `first` holds, else `b`: both are there already, so that a loop over it needs no branch.
+#[inline(always)]
+pub(crate) fn choose(first: bool, a: f32, b: f32) -> f32 {
+    if first { a } else { b }
+}
+
 /// The largest whole number at most `x`, for |x| < 2^22. Branch-free.
 #[inline(always)]
 pub fn floor_fast(x: f32) -> f32 {

@@ -16,7 +16,7 @@ pub(crate) use winding::{LOOPS_MAX, Turning, gather, singularity, turn, turns_ar
 pub use winding::{Singularity, singularities};
 
 use crate::error::Result;
-use crate::math::{AXIS_MIN_LENGTH, Axis};
+use crate::math::{AXIS_MIN_LENGTH, Axis, choose};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -298,43 +298,35 @@ pub fn blend(a: Texel, b: Texel, t: f32) -> Texel {
     }
 }
 
-/// [`blend`] of alpha_x, alpha_y, cos 2θ, sin 2θ, without branches.
+/// [`blend`] of alpha_x, alpha_y, cos 2θ, sin 2θ. Every number is worked out and then chosen, so that loops over it take whole
+/// vectors.
 #[inline(always)]
 pub(crate) fn blend_numbers(a: [f32; 4], b: [f32; 4], t: f32) -> [f32; 4] {
-    let [x, y, c, s] = [0, 1, 2, 3].map(|k: usize| a[k] + (b[k] - a[k]) * t);
+    let mix = |a: f32, b: f32| a + (b - a) * t;
+    let (x, y) = (mix(a[0], b[0]), mix(a[1], b[1]));
     let (mean, half) = (0.5 * (x + y), 0.5 * (y - x));
     let (from, to) = (0.5 * (a[1] - a[0]), 0.5 * (b[1] - b[0]));
-    let stretch = |k: usize| from * a[k] + (to * b[k] - from * a[k]) * t;
-    let (along, beside) = (stretch(2), stretch(3));
+    let along = mix(from * a[2], to * b[2]);
+    let beside = mix(from * a[3], to * b[3]);
     let length = (along * along + beside * beside).sqrt();
     // Which axis is x stays as the widths have it.
-    let sign = if half < 0.0 { -1.0 } else { 1.0 };
+    let sign = choose(half < 0.0, -1.0, 1.0);
     // Round texels keep a direction: the mean of both.
     let is_stretched = length > 1e-4 * mean;
-    let (c, s) = if is_stretched {
-        (sign * along, sign * beside)
-    } else {
-        (c, s)
-    };
+    let c = choose(is_stretched, sign * along, mix(a[2], b[2]));
+    let s = choose(is_stretched, sign * beside, mix(a[3], b[3]));
     let unit = (c * c + s * s).sqrt();
-    let (scale, lost) = (
-        1.0 / unit.max(1e-30),
-        !is_stretched & (unit < AXIS_MIN_LENGTH),
-    );
-    let (c, s) = if lost {
-        (1.0, 0.0)
-    } else {
-        (c * scale, s * scale)
-    };
+    let scale = 1.0 / unit.max(1e-30);
+    let lost = !is_stretched & (unit < AXIS_MIN_LENGTH);
     let (x1, y1) = (mean - sign * length, mean + sign * length);
     let area = (x * y / (x1 * y1)).min(1.0).sqrt();
     // Where no stretch is lost the widths are linear.
     let is_whole = (length - half.abs()).abs() <= 1e-6 * mean;
     [
-        if is_whole { x } else { x1 * area },
-        if is_whole { y } else { y1 * area },
-        c,
-        s,
+        choose(is_whole, x, x1 * area),
+        choose(is_whole, y, y1 * area),
+        choose(lost, 1.0, c * scale),
+        choose(lost, 0.0, s * scale),
     ]
 }
 

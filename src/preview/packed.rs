@@ -4,7 +4,7 @@
 use crate::brdf::kernel;
 use crate::filter::{Pyramid, Room};
 use crate::map::{ALPHA_MAX, ALPHA_MIN};
-use crate::math::AXIS_MIN_LENGTH;
+use crate::math::{AXIS_MIN_LENGTH, choose};
 use crate::raster::{self, Lanes, Rays};
 use fearless_simd::Simd;
 use fearless_simd_macros::simd;
@@ -161,11 +161,6 @@ fn beside(a: [f32; 3], n: [f32; 3]) -> [f32; 3] {
         a[1] - n[1] * along,
         a[2] - n[2] * along,
     ]
-}
-
-#[inline(always)]
-fn choose(first: bool, a: f32, b: f32) -> f32 {
-    if first { a } else { b }
 }
 
 #[inline(always)]

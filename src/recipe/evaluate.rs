@@ -9,7 +9,7 @@ use crate::map::{
     ALPHA_MAX, ALPHA_MIN, AnisoMap, DEFAULT_TEXEL, Mended, Rect, Region, RegionMut, Size,
     SlopeCovariance, Texel, blend, blend_numbers,
 };
-use crate::math::{self, AXIS_MIN_LENGTH, Axis, smoothstep};
+use crate::math::{self, AXIS_MIN_LENGTH, Axis, choose, smoothstep};
 use crate::mesh::Body;
 use crate::paint::{Painting, Skin, Strokes};
 use crate::pattern::{Fill, Patch, Surface};
@@ -1232,6 +1232,35 @@ fn blend_partly(
     found
 }
 
+/// Texels that are blended at a time.
+const LANES: usize = 16;
+
+/// A part of a row, filled up where it is shorter.
+#[inline(always)]
+fn lane(from: &[f32]) -> [f32; LANES] {
+    from.try_into().unwrap_or_else(|_| {
+        let mut lane = [1.0; LANES];
+        lane[..from.len()].copy_from_slice(from);
+        lane
+    })
+}
+
+#[inline(always)]
+fn blend_lane(
+    [x, y, c, s]: &mut [[f32; LANES]; 4],
+    new: &[[f32; LANES]; 4],
+    weight: &[f32; LANES],
+) {
+    for i in 0..LANES {
+        let w = weight[i];
+        let old = [x[i], y[i], c[i], s[i]];
+        let new = [new[0][i], new[1][i], new[2][i], new[3][i]];
+        let blended = blend_numbers(old, new, w);
+        let chosen = |k: usize| choose(w >= 1.0, new[k], choose(w > 0.0, blended[k], old[k]));
+        (x[i], y[i], c[i], s[i]) = (chosen(0), chosen(1), chosen(2), chosen(3));
+    }
+}
+
 /// A row of which every texel is blended by its weight, as [`blend`] does it; exact at weights 0 and 1. With some channels only,
 /// each is blended alone and it ends as [`crate::map::settle`] ends; where the weight is 0 or 1 nothing was blended, and the axis
 /// is left as it came.
@@ -1242,15 +1271,16 @@ fn blend_whole<S: Simd>(_: S, channels: Channels, row: &Row<'_>, planes: [&mut [
     let [ax, ay, c, s] = planes.map(|p| &mut p[..n]);
     let [ox, oy, oc, os] = row.planes.map(|p| &p[..n]);
     if channels == Channels::ALL {
-        for i in 0..n {
-            let w = weight[i];
-            let (old, new) = ([ax[i], ay[i], c[i], s[i]], [ox[i], oy[i], oc[i], os[i]]);
-            let blended = blend_numbers(old, new, w);
-            let chosen = |k: usize| {
-                let x = if w > 0.0 { blended[k] } else { old[k] };
-                if w >= 1.0 { new[k] } else { x }
-            };
-            (ax[i], ay[i], c[i], s[i]) = (chosen(0), chosen(1), chosen(2), chosen(3));
+        // Copies of known length: of slices the compiler would have to ask which overlap.
+        for start in (0..n).step_by(LANES) {
+            let part = start..n.min(start + LANES);
+            let w = lane(&weight[part.clone()]);
+            let mut old = [&*ax, &*ay, &*c, &*s].map(|p| lane(&p[part.clone()]));
+            let new = [ox, oy, oc, os].map(|p| lane(&p[part.clone()]));
+            blend_lane(&mut old, &new, &w);
+            for (plane, lane) in [&mut *ax, &mut *ay, &mut *c, &mut *s].into_iter().zip(&old) {
+                plane[part.clone()].copy_from_slice(&lane[..part.len()]);
+            }
         }
         return;
     }
