@@ -2,9 +2,12 @@
 
 use super::*;
 use crate::map::Region;
-use crate::paint::{Groove, Smooth, Tool};
+use crate::paint::{Brush, Groove, Point, Smooth, Tool};
 use crate::pattern::Pattern;
 use crate::recipe::{Channels, LAYERS_MAX, Layer, Mask, MaskSource, Source};
+use glam::Vec2;
+use std::path::Path;
+use std::sync::mpsc::channel;
 
 const RECIPE: &str = "version = 1\nname = 'painted'\nsize = [320, 200]\naspect = 1.6\nseed = 5\n\
     [[layers]] # the base\nname = 'steel'\n[layers.brushed]\nangle = 20\n\

@@ -1,0 +1,254 @@
+//! The stroke in flight, and the map that follows it tile by tile.
+
+use super::layers::label;
+use super::{DEFAULT_MESH, Edit, Header, Hit, Step, Studio, canvas, pick};
+use crate::error::Result;
+use crate::map::Rect;
+use crate::paint::{Brush, Live, Point};
+use glam::{Vec2, Vec3};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Pixels between the points of a stroke over the 3D picture.
+const PIXELS_A_POINT: f32 = 4.0;
+
+/// How long the interface may be kept waiting while the map catches up with the canvas.
+pub(super) const CATCH_UP: Duration = Duration::from_millis(16);
+/// Tiles of the map that are brought up to date at once.
+const TILES_AT_ONCE: usize = 4;
+
+impl Studio {
+    /// Begins a stroke in UV on the selected layer, which must hold strokes.
+    ///
+    /// # Errors
+    /// When the layer holds no strokes or is not shown, the brush does not check, or the document is read-only.
+    pub fn begin_stroke(&mut self, brush: Arc<Brush>, seed: u32) -> Result<()> {
+        self.begin(brush, seed, false)
+    }
+
+    /// Begins a stroke on the mesh. The brush's lengths are in surface units, as those of a stroke in UV.
+    ///
+    /// # Errors
+    /// As [`Studio::begin_stroke`], when the mesh cannot be painted on, or the layer's strokes lie on another one.
+    pub fn begin_mesh_stroke(&mut self, brush: Arc<Brush>, seed: u32) -> Result<()> {
+        self.begin(brush, seed, true)
+    }
+
+    /// Lets the stroke in flight go on to a point of UV.
+    pub fn stroke_to(&mut self, point: Point) {
+        if !self.keep_uv(point) {
+            self.go_on(point);
+        }
+    }
+
+    pub(super) fn go_on(&mut self, point: Point) {
+        self.push_point(|live| live.push(point));
+        if let Some((brush, seed)) = self.full_stroke() {
+            let again = self.begin_stroke(brush, seed.wrapping_add(1));
+            if let Err(error) = again {
+                return self.trouble.push(error);
+            }
+            self.push_point(|live| live.push(point));
+        }
+    }
+
+    /// Lets the stroke in flight go on, and shows what that changes as far as the time allows, all taken together.
+    fn push_point(&mut self, push: impl FnOnce(&mut Live) -> Vec<Rect>) {
+        let begun = Instant::now();
+        let dirty = self.canvas.go_on(push);
+        canvas::add_parts(&mut self.behind, &self.canvas.parts(&dirty));
+        // Many points may come in one frame, and share its time.
+        if self.spent < CATCH_UP {
+            let left = CATCH_UP - self.spent;
+            self.catch_up(Some(left.saturating_sub(begun.elapsed())));
+        }
+        self.spent += begun.elapsed();
+    }
+
+    /// Ends the stroke in flight when it takes no more points; another is to go on from where it ended.
+    fn full_stroke(&mut self) -> Option<(Arc<Brush>, u32)> {
+        let live = self.canvas.live().filter(|live| live.is_full())?;
+        let next = (live.brush().clone(), live.seed());
+        match self.end_now() {
+            Ok(_) => Some(next),
+            Err(error) => {
+                self.trouble.push(error);
+                None
+            }
+        }
+    }
+
+    /// Lets the stroke in flight go on to a place of the mesh: its position, the surface's normal, the pen's pressure from 0
+    /// to 1. See [`Studio::pick`].
+    pub fn mesh_stroke_to(&mut self, position: Vec3, normal: Vec3, pressure: f32) {
+        if !self.keep_on_mesh(position, normal, pressure) {
+            self.go_on_mesh(position, normal, pressure);
+        }
+    }
+
+    pub(super) fn go_on_mesh(&mut self, position: Vec3, normal: Vec3, pressure: f32) {
+        self.push_point(|live| live.push_on_mesh(position, normal, pressure));
+        if let Some((brush, seed)) = self.full_stroke() {
+            let again = self.begin_mesh_stroke(brush, seed.wrapping_add(1));
+            if let Err(error) = again {
+                return self.trouble.push(error);
+            }
+            self.push_point(|live| live.push_on_mesh(position, normal, pressure));
+        }
+    }
+
+    /// What is seen at a place of the 3D picture, in pixels from its upper left corner; `None` past the mesh.
+    pub fn pick(&self, place: Vec2) -> Option<Hit> {
+        let (place, size) = self.viewport.in_panel(place);
+        // The camera drew a picture: its numbers are allowed.
+        pick(&self.body, &self.scene.camera, size, place).ok()?
+    }
+
+    /// Lets the stroke in flight on the mesh go along a straight line over the 3D picture, from where the pen was to where it
+    /// is, each (pixels from the upper left corner, pressure). Where the line leaves the mesh nothing is painted.
+    pub fn mesh_stroke_along(&mut self, from: (Vec2, f32), to: (Vec2, f32)) {
+        let steps = (from.0.distance(to.0) / PIXELS_A_POINT).ceil().max(1.0) as u32;
+        for n in 1..=steps {
+            let t = n as f32 / steps as f32;
+            if let Some(hit) = self.pick(from.0.lerp(to.0, t)) {
+                let pressure = from.1 + (to.1 - from.1) * t;
+                self.mesh_stroke_to(hit.position, hit.normal, pressure);
+            }
+        }
+    }
+
+    /// Ends the stroke in flight: it is a step of the history now, or as soon as its layer is ready. `false` when it painted
+    /// nothing, as a groove without a direction.
+    ///
+    /// # Errors
+    /// When the layer takes no more strokes; the stroke is then gone.
+    pub fn end_stroke(&mut self) -> Result<bool> {
+        if self.end_waiting() {
+            return Ok(true);
+        }
+        self.end_now()
+    }
+
+    pub(super) fn end_now(&mut self) -> Result<bool> {
+        self.catch_up(Some(CATCH_UP));
+        let Some(stroke) = self.canvas.end() else {
+            self.cancel_live();
+            return Ok(false);
+        };
+        let (layer, mask) = self.canvas.active().expect("it was painted on");
+        let on = if mask { " on the mask" } else { "" };
+        let tool = stroke.brush().tool.name().replace('_', " ");
+        let name = self.recipe().layers.get(layer).map_or("", |l| l.name());
+        let label = label(&format!("{tool} stroke{on}"), name);
+        let mut edits = Vec::new();
+        if stroke.is_on_mesh() && self.recipe().mesh.is_none() {
+            // Strokes on a mesh mean nothing without its name.
+            let header = Box::new(Header {
+                mesh: Some(DEFAULT_MESH.to_owned()),
+                ..Header::of(self.recipe())
+            });
+            edits.push(Edit::SetHeader { header });
+        }
+        edits.push(Edit::AddStroke {
+            layer,
+            mask,
+            stroke,
+        });
+        match self.apply_all(edits) {
+            Ok((back, _)) => {
+                self.history.push(Step::new(label, back, None));
+                if self.canvas.looks_over() {
+                    self.work();
+                } else if self.job.is_none() && self.shown.revision.is_some() {
+                    self.shown.revision = Some(self.document.revision());
+                }
+                Ok(true)
+            }
+            Err(error) => {
+                let rects = self.canvas.pop();
+                self.repaint(rects);
+                Err(error)
+            }
+        }
+    }
+
+    /// Whether a stroke is in flight.
+    pub fn is_drawing(&self) -> bool {
+        self.canvas.is_drawing() || self.is_keeping()
+    }
+
+    /// Takes the stroke in flight away.
+    pub fn cancel_stroke(&mut self) {
+        self.cancel_waiting();
+        self.cancel_live();
+    }
+
+    fn cancel_live(&mut self) {
+        let dirty = self.canvas.cancel();
+        self.repaint(dirty);
+    }
+
+    /// How much of each texel of a rectangle the selected layer's strokes have touched, 0 to 1, or what its mask holds where that is
+    /// selected, with the stroke in flight. `None` for a layer that is not being painted on: see [`Studio::coverage`].
+    pub fn coverage_in(&mut self, rect: Rect) -> Option<Vec<f32>> {
+        let is_shown = self.canvas.active() == Some((self.selected, self.on_mask));
+        let rect = rect.intersection(self.map().size().rect())?;
+        is_shown.then(|| self.canvas.coverage(rect))?
+    }
+
+    /// The strokes of a layer are one more or less than the canvas shows.
+    pub(super) fn follow_strokes(&mut self, layer: usize, mask: bool) {
+        let found = self.recipe().layers.get(layer);
+        let Some(strokes) = found.and_then(|l| l.strokes(mask)) else {
+            return;
+        };
+        if self.canvas.active() != Some((layer, mask)) {
+            self.shown.revision = None;
+            return;
+        }
+        let (now, shown) = (strokes.strokes.len(), self.canvas.strokes());
+        let last = strokes.strokes.last().cloned();
+        let rects = match last {
+            _ if now + 1 == shown => self.canvas.pop(),
+            Some(last) if now == shown + 1 => self.canvas.push(&last),
+            _ => {
+                self.shown.revision = None;
+                return;
+            }
+        };
+        self.repaint(rects);
+        // What strokes above see of it reaches farther.
+        if self.canvas.looks_over() {
+            self.shown.revision = None;
+        }
+    }
+
+    /// Brings rectangles of the composite map up to date with the canvas: at once as far as that takes no time to speak of, the
+    /// rest from [`Studio::tick`] to tick.
+    fn repaint(&mut self, dirty: Vec<Rect>) {
+        canvas::add_parts(&mut self.behind, &self.canvas.parts(&dirty));
+        self.catch_up(Some(CATCH_UP));
+    }
+
+    /// Brings the map up to date with the canvas, as far as the time allows, and a little in any case.
+    pub(super) fn catch_up(&mut self, time: Option<Duration>) {
+        let begun = Instant::now();
+        let mut last = Duration::ZERO;
+        while !self.behind.is_empty() {
+            let before = begun.elapsed();
+            if time.is_some_and(|time| !last.is_zero() && before + last > time) {
+                break;
+            }
+            let first = self.behind.keys().nth(TILES_AT_ONCE).copied();
+            let later = first.map(|n| self.behind.split_off(&n)).unwrap_or_default();
+            let parts: Vec<_> = std::mem::replace(&mut self.behind, later)
+                .into_iter()
+                .collect();
+            self.averages = None;
+            let regions = self.canvas.compose(&parts);
+            self.subject_mut().write_map(&regions);
+            self.dirty.extend(parts.iter().map(|(_, rect)| *rect));
+            last = begun.elapsed() - before;
+        }
+    }
+}

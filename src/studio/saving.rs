@@ -1,0 +1,98 @@
+//! The document and its file: saved, read again, recovered from a journal.
+
+use super::{Document, Edit, History, LeftBehind, Options, Step, Studio};
+use crate::error::{Error, Result};
+use crate::recipe::{RecipeFile, Way};
+use std::path::Path;
+
+impl Studio {
+    /// The work of a journal that was left behind, as a document with unsaved changes; how many there are is given too. Edits
+    /// that no longer apply end what is recovered: the journal is then kept until the document is saved or closed.
+    ///
+    /// # Errors
+    /// When the document that the journal starts from cannot be read. The journal is kept.
+    pub fn recover(left: LeftBehind, options: Options) -> Result<(Self, u64)> {
+        let (base, edits, journal) = left.take_apart();
+        let mut document = Document::from_base(&base)?;
+        let mut history = History::new(options.undo_bytes);
+        let mut failed = None;
+        for edit in edits {
+            match document.apply(edit) {
+                Ok((back, _)) => history.push(Step::new("Recovered work", vec![back], None)),
+                Err(error) => {
+                    failed = Some(error);
+                    break;
+                }
+            }
+        }
+        let recovered = document.revision();
+        let mut studio = Self::at_rest(document, options)?;
+        studio.history = history;
+        studio.keeper.take_up(journal, failed.is_none());
+        studio.trouble.extend(failed);
+        studio.begin_journal();
+        studio.work();
+        Ok((studio, recovered))
+    }
+
+    /// Saves to a file, which is the document's own from now on. Files that the recipe names, now or after an undo, are named
+    /// by the way to them from there.
+    ///
+    /// # Errors
+    /// As [`Document::save`]; the work is kept.
+    pub fn save(&mut self, path: &Path) -> Result<()> {
+        self.land();
+        let from = self.document.files().folder;
+        let is_shown = self.shown.mesh.as_deref() == Some(self.mesh_name());
+        let name = self.recipe().name.clone();
+        let edits = self.history.edits_mut();
+        let of =
+            |e: &mut Edit| -> Vec<String> { e.files().into_iter().map(str::to_owned).collect() };
+        let named: Vec<String> = edits.flat_map(of).collect();
+        self.document.save_with(path, &named)?;
+        let renamed = self.document.recipe().name.clone();
+        let edits = self.history.edits_mut();
+        edits.for_each(|edit| edit.rename(&name, &renamed));
+        let to = self.document.files().folder;
+        if let Some(mut way) = Way::between(from.as_deref(), &to.unwrap_or_default())? {
+            way.copied = self.document.brought().clone();
+            self.history.edits_mut().for_each(|edit| edit.follow(&way));
+            // The mesh that is shown may be called otherwise now.
+            if is_shown {
+                self.shown.mesh = Some(self.mesh_name().to_owned());
+            }
+            self.work();
+        }
+        self.keeper.end();
+        self.begin_journal();
+        Ok(())
+    }
+
+    /// Takes over the document's file as another program has made it, as one step of the history: work that the file does not
+    /// have is one undo away. The document is then saved. `false`, and nothing done, while a stroke is in flight: try again
+    /// when the pen is lifted.
+    ///
+    /// # Errors
+    /// When the file is of a newer version, or the document is.
+    pub fn reload(&mut self, file: RecipeFile) -> Result<bool> {
+        if self.is_drawing() {
+            return Ok(false);
+        }
+        if file.is_read_only() {
+            let ignored = match file.ignored() {
+                [] => String::new(),
+                keys => format!("; not known here: {}", keys.join(", ")),
+            };
+            let problem = format!("another program made it a file of a newer version{ignored}");
+            return Err(Error::file(file.path(), problem)
+                .with_hint("Your work is as it was; save it under another name"));
+        }
+        if file.recipe() != self.recipe() {
+            let recipe = Box::new(file.recipe().clone());
+            self.edit("Read again", vec![Edit::SetRecipe { recipe }], None)?;
+        }
+        self.document.take_file(file);
+        self.begin_journal();
+        Ok(true)
+    }
+}
