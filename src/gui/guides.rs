@@ -1,8 +1,9 @@
 //! Guides by hand: drawn, dragged by their handles and deleted on the canvas, their numbers in the panel.
 
-use super::canvas::{Pen, extent, pen};
+use super::canvas::extent;
 use super::desk::Desk;
 use super::icons::Icon;
+use super::pane::{Pen, pen};
 use super::properties::sentence;
 use super::theme::Palette;
 use super::tools::shown;

@@ -15,6 +15,7 @@ mod keys;
 mod layers;
 mod messages;
 mod overlay;
+mod pane;
 mod presets;
 mod properties;
 mod status;

@@ -1,7 +1,8 @@
 //! What lies over the canvas: lines along the grooves, a layer's coverage, what is wrong with the map, and the legend of the colours.
 
-use super::canvas::{Kind, put};
+use super::canvas::Kind;
 use super::desk::Desk;
+use super::pane::put;
 use super::work::{Now, Work};
 use anisomap::Error;
 use anisomap::map::Size;

@@ -38,9 +38,9 @@ pub(crate) struct PropertiesPanel {
 
 impl PropertiesPanel {
     pub(crate) fn show(&mut self, ui: &mut Ui, desk: &mut Desk) {
-        super::canvas::strip(ui, |ui| {
+        super::pane::strip(ui, |ui| {
             for (leaf, name) in LEAVES {
-                let tab = super::canvas::tab(ui, name, leaf == self.leaf);
+                let tab = super::pane::tab(ui, name, leaf == self.leaf);
                 if tab
                     .on_hover_text(format!("Shows the settings of: {}.", name.to_lowercase()))
                     .clicked()

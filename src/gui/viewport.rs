@@ -1,8 +1,8 @@
 //! The 3D view: the mesh under light, the hand on camera and lamps, and models side by side.
 
-use super::canvas::{Pen, pen, pressure, put, ring, strip};
 use super::desk::{Desk, Redraw};
 use super::icons::Icon;
+use super::pane::{Pen, pen, pressure, put, ring, strip};
 use super::properties::sentence;
 use super::theme::Palette;
 use super::widgets::{Bar, icon_button, overlay_text};

@@ -178,10 +178,8 @@ impl Skin {
         let mut found = Vec::new();
         self.rects(n, |rect, period| found.push((rect, period)));
         for (rect, period) in found {
-            for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
-                for x in rect.x / TILE..(rect.x + rect.width).div_ceil(TILE) {
-                    self.tiles[(y * self.columns + x) as usize].push((n, period));
-                }
+            for (tile, _) in tiles_of(rect, self.columns) {
+                self.tiles[tile as usize].push((n, period));
             }
         }
     }
@@ -207,18 +205,10 @@ impl Skin {
             });
         }
         let mut add = |rect: Rect| {
-            for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
-                for x in rect.x / TILE..(rect.x + rect.width).div_ceil(TILE) {
-                    let tile = Rect {
-                        x: x * TILE,
-                        y: y * TILE,
-                        width: TILE,
-                        height: TILE,
-                    };
-                    if let Some(part) = tile.intersection(rect) {
-                        let all = found.entry(y * self.columns + x).or_insert(part);
-                        *all = all.hull(part);
-                    }
+            for (tile, square) in tiles_of(rect, self.columns) {
+                if let Some(part) = square.intersection(rect) {
+                    let all = found.entry(tile).or_insert(part);
+                    *all = all.hull(part);
                 }
             }
         };
@@ -257,23 +247,15 @@ impl Skin {
     /// over each other it is that of the first triangle.
     pub(super) fn charts(&self, rect: Rect) -> Vec<u32> {
         let mut charts = vec![NO_CHART; rect.texels()];
-        for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
-            for x in rect.x / TILE..(rect.x + rect.width).div_ceil(TILE) {
-                let tile = Rect {
-                    x: x * TILE,
-                    y: y * TILE,
-                    width: TILE,
-                    height: TILE,
-                };
-                let Some(part) = tile.intersection(rect) else {
-                    continue;
-                };
-                let known = self.charts_of(y * self.columns + x);
-                let n = part.width as usize;
-                for row in part.y..part.y + part.height {
-                    let (from, to) = (tile.index(part.x, row), rect.index(part.x, row));
-                    charts[to..to + n].copy_from_slice(&known[from..from + n]);
-                }
+        for (tile, square) in tiles_of(rect, self.columns) {
+            let Some(part) = square.intersection(rect) else {
+                continue;
+            };
+            let known = self.charts_of(tile);
+            let n = part.width as usize;
+            for row in part.y..part.y + part.height {
+                let (from, to) = (square.index(part.x, row), rect.index(part.x, row));
+                charts[to..to + n].copy_from_slice(&known[from..from + n]);
             }
         }
         charts
@@ -369,6 +351,23 @@ impl Skin {
                 .clamp(0.25 * self.texel(), 4.0 * self.texel()),
         })
     }
+}
+
+/// The tiles that a rectangle meets, of so many a row, in their order: each with its place.
+fn tiles_of(rect: Rect, columns: u32) -> impl Iterator<Item = (u32, Rect)> {
+    let rows = rect.y / TILE..(rect.y + rect.height).div_ceil(TILE);
+    rows.flat_map(move |y| {
+        let across = rect.x / TILE..(rect.x + rect.width).div_ceil(TILE);
+        across.map(move |x| {
+            let square = Rect {
+                x: x * TILE,
+                y: y * TILE,
+                width: TILE,
+                height: TILE,
+            };
+            (y * columns + x, square)
+        })
+    })
 }
 
 /// How long one surface unit is on the mesh: the root of all its area over that of its layout.

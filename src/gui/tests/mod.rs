@@ -84,9 +84,8 @@ fn settle(window: &mut Window) {
     panic!("the map is never done");
 }
 
-fn press(window: &mut Window, keys: &str) {
-    let chord: Chord = keys.parse().unwrap();
-    let key = Key::from_name(&chord.key).unwrap();
+/// The key of a chord as the window gets it.
+fn key_of(chord: &Chord) -> (Modifiers, Key) {
     let modifiers = Modifiers {
         ctrl: chord.ctrl,
         command: chord.ctrl,
@@ -94,6 +93,11 @@ fn press(window: &mut Window, keys: &str) {
         shift: chord.shift,
         ..Modifiers::NONE
     };
+    (modifiers, Key::from_name(&chord.key).unwrap())
+}
+
+fn press(window: &mut Window, keys: &str) {
+    let (modifiers, key) = key_of(&keys.parse().unwrap());
     window.key_press_modifiers(modifiers, key);
     window.step();
     window.step();

@@ -85,14 +85,7 @@ fn names(recipe: &Recipe) -> Vec<&str> {
 
 /// Presses a chord; gives what the window asked the system for.
 fn press_and_listen(window: &mut Window, chord: &Chord) -> Vec<ViewportCommand> {
-    let key = Key::from_name(&chord.key).unwrap();
-    let modifiers = Modifiers {
-        ctrl: chord.ctrl,
-        command: chord.ctrl,
-        alt: chord.alt,
-        shift: chord.shift,
-        ..Modifiers::NONE
-    };
+    let (modifiers, key) = key_of(chord);
     let mut commands = Vec::new();
     for pressed in [true, false] {
         // Straight into one frame: what that asks for would be forgotten with the next.

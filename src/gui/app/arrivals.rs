@@ -1,0 +1,186 @@
+//! What comes from outside while the window is open: dropped files, those on their way in, files that other programs change.
+
+use super::App;
+use super::documents::tell_read_only;
+use crate::gui::desk::{Large, LargeThing, Redraw};
+use crate::gui::dialogs::{Dialog, Then};
+use crate::gui::files::Purpose;
+use crate::gui::import::ImportDialog;
+use crate::gui::intake::{Intake, Part, Taken};
+use crate::gui::viewport::set_mesh;
+use crate::gui::widgets::overlay_text;
+use anisomap::recipe::{Layer, RecipeFile, Source};
+use anisomap::studio::keymap::Keymap;
+use anisomap::studio::settings::Folders;
+use eframe::egui::{self, Context, Id};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+impl App {
+    pub(super) fn take_dropped(&mut self, ctx: &Context) {
+        let dropped = ctx.input(|i| i.raw.dropped_files.clone());
+        self.waiting
+            .extend(dropped.iter().map(|f| f.path().to_owned()));
+        // One after the other: each may ask, or take its time.
+        if self.intake.is_none() && self.dialog.is_none() && !self.waiting.is_empty() {
+            let path = self.waiting.remove(0);
+            self.open_path(ctx, &path);
+            ctx.request_repaint();
+        }
+        if ctx.input(|i| !i.raw.hovered_files.is_empty()) {
+            let painter = ctx.layer_painter(egui::LayerId::new(
+                egui::Order::Foreground,
+                Id::unique("drop"),
+            ));
+            let at = self.canvas.rect.center();
+            let text = "drop it: recipes open, maps become a layer, meshes show the map";
+            overlay_text(&painter, at, egui::Align2::CENTER_CENTER, text);
+        }
+    }
+
+    /// A mesh or a map from a file. It lies beside the recipe from then on: a recipe without a file is saved first.
+    pub(super) fn take_in(&mut self, ctx: &Context, part: Part, path: &Path) {
+        self.take_in_if(ctx, part, path, false);
+    }
+
+    /// The same, even a mesh that takes much memory where that is wanted.
+    pub(super) fn take_in_if(
+        &mut self,
+        ctx: &Context,
+        part: Part,
+        path: &Path,
+        even_if_large: bool,
+    ) {
+        if self.desk.studio.document().is_read_only() {
+            tell_read_only(&mut self.desk);
+            return;
+        }
+        let Some(folder) = self.own_folder() else {
+            self.desk.messages.news(
+                "A recipe's own files lie beside it: say where the recipe is to be, and the file comes in",
+            );
+            self.after_saving = Some(Then::TakeIn(part, path.to_owned()));
+            self.ask_where_to_save(Purpose::SaveThen);
+            return;
+        };
+        let begun = Intake::begin(part, path, &folder, even_if_large, ctx);
+        self.intake = self.desk.told(begun);
+    }
+
+    /// The folder of the document's file, if it has one.
+    pub(super) fn own_folder(&self) -> Option<PathBuf> {
+        let folder = self.desk.studio.document().path()?.parent()?;
+        let here = folder.as_os_str().is_empty();
+        Some(if here { ".".into() } else { folder.to_owned() })
+    }
+
+    /// Whether a file is on its way.
+    #[cfg(test)]
+    pub(crate) fn is_reading(&self) -> bool {
+        self.intake.is_some() || (!self.waiting.is_empty() && self.dialog.is_none())
+    }
+
+    /// Takes over the file that was read in the background.
+    pub(super) fn follow_intake(&mut self, ctx: &Context) {
+        let Some(intake) = &self.intake else { return };
+        if self.dialog.is_some() {
+            return; // what came may have to ask, too
+        }
+        let Some(taken) = intake.now() else {
+            ctx.request_repaint_after(Duration::from_millis(80));
+            let name = intake.path.file_name().unwrap_or_default();
+            self.desk.reading = Some(format!("reading {}", name.to_string_lossy()));
+            return;
+        };
+        let path = intake.path.clone();
+        self.intake = None;
+        self.desk.reading = None;
+        let Some((taken, news)) = self.desk.told(taken) else {
+            return;
+        };
+        for news in news {
+            self.desk.messages.news(news);
+        }
+        match taken {
+            Taken::Mesh { file, body } => {
+                self.desk.studio.know_mesh(&file, body);
+                set_mesh(&mut self.desk, &file);
+            }
+            Taken::NoUvs => self.dialog = Some(Dialog::NoUvs(path)),
+            Taken::Large(warning) => {
+                let what = LargeThing::Mesh(path);
+                self.dialog = Some(Dialog::Large(Large { warning, what }));
+            }
+            Taken::Textures(seen) => {
+                self.dialog = Some(Dialog::Import(Box::new(ImportDialog::new(seen))));
+            }
+            Taken::Layer { name, image } => {
+                let layer = Layer {
+                    name,
+                    ..Layer::new(Source::Image(*image))
+                };
+                let added = self.desk.studio.add_layer(layer);
+                self.desk.told(added);
+            }
+        }
+        ctx.request_repaint();
+    }
+
+    /// Shows what another program made of the document's file, unless there is work that the file does not have.
+    pub(super) fn follow_file(&mut self, ctx: &Context) {
+        self.to_reload |= self.watch.changed();
+        // A stroke in flight is ended first.
+        if !self.to_reload || self.desk.studio.is_drawing() {
+            return;
+        }
+        self.to_reload = false;
+        let document = self.desk.studio.document();
+        let Some(path) = document.path().map(Path::to_owned) else {
+            return;
+        };
+        if document.is_read_only() {
+            // Nothing was done to it here: it is shown as it is now.
+            let file = RecipeFile::read(&path);
+            if let Some(file) = self.desk.told(file) {
+                self.begin(ctx, file, Some(path));
+            }
+            return;
+        }
+        if document.is_changed() {
+            let text = format!(
+                "{} was changed by another program. Your work is as it was; save it under another name, or open the file again",
+                path.display()
+            );
+            self.desk.messages.error(text);
+            return;
+        }
+        let file = RecipeFile::read(&path);
+        let Some(file) = self.desk.told(file) else {
+            return;
+        };
+        let taken = self.desk.studio.reload(file);
+        if self.desk.told(taken) == Some(true) {
+            self.desk.redraw = self.desk.redraw.or(Redraw::Sharp);
+            self.desk
+                .messages
+                .news("The file was changed by another program, and read again");
+        }
+    }
+
+    /// Takes the keys that the user gave their file.
+    pub(super) fn follow_keys(&mut self) {
+        if !self.watch_keys.changed() {
+            return;
+        }
+        let Some(path) = self.desk.folders.as_ref().map(Folders::keymap) else {
+            return;
+        };
+        let keymap = Keymap::load(&path);
+        if let Some(keymap) = self.desk.told(keymap)
+            && keymap != self.desk.keymap
+        {
+            self.desk.keymap = keymap;
+            self.desk.messages.news("The keys were read again");
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! The pen on the canvas: strokes, straight lines, size and flow dragged.
+
+use super::{CanvasPane, extent};
+use crate::gui::desk::Desk;
+use crate::gui::pane::{Pen, pen, pressure};
+use anisomap::paint::Point;
+use anisomap::paint::path::{PulledString, snap_angle};
+use anisomap::studio::hand::ToolKind;
+use anisomap::studio::orbit::{Button, Drag};
+use anisomap::studio::view::Camera2d;
+use eframe::egui::{self, Pos2, Response, Ui};
+use glam::Vec2;
+use std::sync::Arc;
+
+/// A stroke in flight.
+pub(super) struct Drawing {
+    string: PulledString,
+    /// Whole turns of UV that are taken off, so that a stroke on a copy of the map is one on the map.
+    turns: Vec2,
+    inverse: bool,
+    /// Set where the stroke is one straight line: nothing between its ends counts.
+    line_from: Option<Vec2>,
+}
+
+/// What a drag without a pressed button changes: begun by a key, ended by a click.
+#[derive(Clone, Copy)]
+pub(crate) enum Adjusting {
+    Size {
+        from: Pos2,
+        radius: f32,
+        hardness: f32,
+    },
+    Flow {
+        from: Pos2,
+        flow: f32,
+    },
+}
+
+impl CanvasPane {
+    pub(super) fn paint_with_pen(
+        &mut self,
+        ui: &Ui,
+        response: &Response,
+        desk: &mut Desk,
+        camera: Camera2d,
+    ) {
+        if self.adjust(ui, response, desk) || self.hold_light(ui, response) {
+            return;
+        }
+        let modifiers = ui.input(|i| i.modifiers);
+        let space = ui.input(|i| i.key_down(egui::Key::Space));
+        let drag = desk.settings.navigation.drag(
+            Button::Left,
+            modifiers.command,
+            modifiers.alt,
+            modifiers.shift,
+        );
+        let (was_drawing, force) = (self.drawing.is_some(), pressure(ui));
+        for pen in pen(ui, response) {
+            match pen {
+                Pen::Down(at) if !space && drag == Some(Drag::Tool) => {
+                    self.pen_down(ui, desk, camera, at);
+                }
+                Pen::Move(at) => self.pen_moves(ui, desk, camera, (at, force)),
+                Pen::Up => self.pen_up(desk),
+                Pen::Down(_) => {}
+            }
+        }
+        if was_drawing || self.drawing.is_some() {
+            if !ui.input(|i| i.pointer.primary_down()) {
+                self.pen_up(desk); // lifted where nobody saw it
+            }
+        } else if desk.hand.kind() == ToolKind::Pick && drag == Some(Drag::Tool) && !space {
+            if response.is_pointer_button_down_on() {
+                self.pick(desk);
+            } else if response.clicked() || response.drag_stopped() {
+                desk.hand.end_pick();
+            }
+        }
+    }
+
+    pub(super) fn pick(&mut self, desk: &mut Desk) {
+        if let Some(probe) = &self.probe {
+            desk.hand
+                .pick(probe.alpha_x, probe.alpha_y, probe.angle_degrees);
+        }
+    }
+
+    pub(super) fn pen_down(&mut self, ui: &Ui, desk: &mut Desk, camera: Camera2d, pointer: Pos2) {
+        if !desk.hand.kind().paints() {
+            return;
+        }
+        let modifiers = ui.input(|i| i.modifiers);
+        let uv = camera.uv_at(self.map, self.pixel(ui, pointer)).as_vec2();
+        let turns = if self.wrap { uv.floor() } else { Vec2::ZERO };
+        let at = (uv - turns) * extent(desk);
+        let inverse = modifiers.command && !modifiers.shift;
+        if !self.begin(desk, inverse) {
+            return;
+        }
+        let line_from = match self.last_end {
+            Some(end) if modifiers.shift => Some(end),
+            None if modifiers.shift => Some(at),
+            _ => None,
+        };
+        let string = PulledString::new(at, desk.hand.string_length());
+        self.drawing = Some(Drawing {
+            string,
+            turns,
+            inverse,
+            line_from,
+        });
+        match line_from {
+            Some(from) => self.draw_line(desk, from, aim(from, at, modifiers.command)),
+            None => self.stroke_to(desk, at, pressure(ui)),
+        }
+    }
+
+    /// Begins a stroke, on a paint layer of its own where the selected one takes none.
+    pub(super) fn begin(&mut self, desk: &mut Desk, inverse: bool) -> bool {
+        if !desk.ready_layer() {
+            return false;
+        }
+        let seed = desk.stroke_seed();
+        let brush = Arc::new(desk.hand.stroke_brush(inverse));
+        let begun = desk.studio.begin_stroke(brush, seed);
+        desk.told(begun).is_some()
+    }
+
+    pub(super) fn stroke_to(&mut self, desk: &mut Desk, at: Vec2, pressure: f32) {
+        if let Some(point) = Point::new(at / extent(desk), pressure) {
+            desk.studio.stroke_to(point);
+        }
+    }
+
+    /// The stroke in flight as one straight line.
+    pub(super) fn draw_line(&mut self, desk: &mut Desk, from: Vec2, to: Vec2) {
+        self.stroke_to(desk, from, 1.0);
+        self.stroke_to(desk, to, 1.0);
+    }
+
+    /// Every motion counts, not only the last of the frame: a fast curve must not become a polygon.
+    pub(super) fn pen_moves(
+        &mut self,
+        ui: &Ui,
+        desk: &mut Desk,
+        camera: Camera2d,
+        (at, force): (Pos2, f32),
+    ) {
+        let place = self.surface_at(ui, desk, camera, at);
+        let Some(drawing) = &mut self.drawing else {
+            return;
+        };
+        let place = place - drawing.turns * extent(desk);
+        match drawing.line_from {
+            Some(from) => {
+                let snap = ui.input(|i| i.modifiers.command);
+                let (inverse, end) = (drawing.inverse, aim(from, place, snap));
+                drawing.string = PulledString::new(end, 0.0);
+                desk.studio.cancel_stroke();
+                if self.begin(desk, inverse) {
+                    self.draw_line(desk, from, end);
+                }
+            }
+            None => {
+                if let Some(next) = drawing.string.pull(place) {
+                    self.stroke_to(desk, next, force);
+                }
+            }
+        }
+    }
+
+    pub(super) fn pen_up(&mut self, desk: &mut Desk) {
+        let Some(drawing) = self.drawing.take() else {
+            return;
+        };
+        self.last_end = Some(drawing.string.brush());
+        desk.end_stroke();
+    }
+
+    /// Takes the stroke in flight away; `true` when there was one.
+    pub(crate) fn cancel(&mut self, desk: &mut Desk) -> bool {
+        let adjusting = self.adjusting.take();
+        match adjusting {
+            Some(Adjusting::Size {
+                radius, hardness, ..
+            }) => {
+                desk.hand.set_radius(radius);
+                desk.hand.brush_mut().hardness = hardness;
+            }
+            Some(Adjusting::Flow { flow, .. }) => desk.hand.brush_mut().flow = flow,
+            None => {}
+        }
+        if self.drawing.take().is_some() {
+            desk.studio.cancel_stroke();
+            return true;
+        }
+        let mut guides = std::mem::take(&mut desk.guides);
+        let dragged = guides.cancel(desk);
+        desk.guides = guides;
+        adjusting.is_some() || dragged
+    }
+
+    /// Begins to change size or flow by moving the pointer.
+    pub(crate) fn begin_adjusting(&mut self, ui: &Ui, desk: &Desk, flow: bool) {
+        let from = ui
+            .input(|i| i.pointer.hover_pos())
+            .unwrap_or(self.rect.center());
+        let brush = desk.hand.brush();
+        self.adjusting = Some(if flow {
+            Adjusting::Flow {
+                from,
+                flow: brush.flow,
+            }
+        } else {
+            Adjusting::Size {
+                from,
+                radius: brush.radius,
+                hardness: brush.hardness,
+            }
+        });
+    }
+
+    /// Follows the pointer while size or flow is dragged; `true` while it is.
+    pub(super) fn adjust(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) -> bool {
+        let Some(adjusting) = self.adjusting else {
+            return false;
+        };
+        let (pointer, clicked, refused) = ui.input(|i| {
+            (
+                i.pointer.hover_pos(),
+                i.pointer.primary_pressed(),
+                i.pointer.secondary_pressed(),
+            )
+        });
+        if refused {
+            self.cancel(desk);
+            return true;
+        }
+        if let Some(pointer) = pointer {
+            match adjusting {
+                Adjusting::Size {
+                    from,
+                    radius,
+                    hardness,
+                } => {
+                    let way = pointer - from;
+                    desk.hand.set_radius(radius * 1.012f32.powf(way.x));
+                    desk.hand.brush_mut().hardness = (hardness - way.y / 250.0).clamp(0.0, 1.0);
+                }
+                Adjusting::Flow { from, flow } => {
+                    let value = flow + (pointer.x - from.x) / 250.0;
+                    desk.hand.brush_mut().flow = value.clamp(0.0, 1.0);
+                }
+            }
+        }
+        if clicked || response.clicked() || ui.input(|i| i.key_pressed(egui::Key::Enter)) {
+            self.adjusting = None;
+        }
+        true
+    }
+
+    /// Whether a stroke is being drawn.
+    #[cfg(test)]
+    pub(crate) fn is_drawing(&self) -> bool {
+        self.drawing.is_some()
+    }
+}
+
+/// The end of a straight line toward the pointer, by steps of 15 degrees where the angle snaps.
+pub(super) fn aim(from: Vec2, to: Vec2, snap: bool) -> Vec2 {
+    if snap { snap_angle(from, to, 15.0) } else { to }
+}
