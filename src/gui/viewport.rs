@@ -8,6 +8,7 @@ use super::theme::Palette;
 use super::widgets::{Bar, icon_button, overlay_text};
 use anisomap::brdf::Model;
 use anisomap::map::{Rect as Pixels, Size};
+use anisomap::paint::path::Steady;
 use anisomap::paint::{Point, surface_scale};
 use anisomap::preview::{Look, Measure, Rig, Scene, srgb_from_linear};
 use anisomap::raster::Camera;
@@ -37,6 +38,12 @@ pub(crate) const MESHES: [&str; 6] = ["torus", "pot", "sphere", "plane", "cylind
 /// How long nothing must happen before the picture is drawn better.
 const REST: Duration = Duration::from_millis(180);
 
+/// A stroke in flight: its path in pixels of the picture, and the last settled place with the pen's pressure.
+struct Drawing {
+    steady: Steady,
+    settled: (Vec2, f32),
+}
+
 /// The 3D view and what it remembers.
 pub(crate) struct ViewportPane {
     texture: Option<TextureHandle>,
@@ -46,8 +53,7 @@ pub(crate) struct ViewportPane {
     moving: bool,
     /// The second look, kept while one alone is shown.
     other: Look,
-    /// Where the pen of the stroke in flight is, pixels of the picture, and its pressure.
-    drawing: Option<(Vec2, f32)>,
+    drawing: Option<Drawing>,
     /// Where the last stroke ended, and as seen from where.
     last_end: Option<(Vec2, Camera)>,
     /// What the pointer points at.
@@ -252,15 +258,16 @@ impl ViewportPane {
     fn paint_with_pen(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) -> bool {
         let (mut taken, force) = (self.drawing.is_some(), pressure(ui));
         for pen in pen(ui, response) {
-            match (pen, self.drawing) {
-                (Pen::Down(at), None) if !ui.input(|i| i.modifiers.alt) => {
+            match (pen, self.drawing.is_some()) {
+                (Pen::Down(at), false) if !ui.input(|i| i.modifiers.alt) => {
                     taken |= self.press(ui, desk, at, force);
                 }
-                (Pen::Move(at), Some(from)) => self.go_on(ui, desk, from, (at, force)),
-                (Pen::Up, Some(_)) => self.pen_up(desk),
+                (Pen::Move(at), true) => self.go_on(ui, desk, at, force),
+                (Pen::Up, true) => self.pen_up(desk),
                 _ => {}
             }
         }
+        self.go_along(desk);
         if self.drawing.is_some() && !ui.input(|i| i.pointer.primary_down()) {
             self.pen_up(desk); // lifted where nobody saw it
         }
@@ -311,23 +318,39 @@ impl ViewportPane {
                 .last_end
                 .filter(|(_, seen)| modifiers.shift && *seen == camera);
             let from = line_from.map_or(here, |(place, _)| (place, here.1));
-            desk.studio.mesh_stroke_along(from, here);
-            self.drawing = Some(here);
+            let mut drawing = Drawing {
+                steady: Steady::new(here.0, here.1, 1.0),
+                settled: here,
+            };
+            drawing.steady.take_settled();
+            desk.studio.mesh_stroke_over(from, &[here], &[]);
+            self.drawing = Some(drawing);
             self.last_end = Some((here.0, camera));
         }
         true
     }
 
-    fn go_on(&mut self, ui: &Ui, desk: &mut Desk, from: (Vec2, f32), (at, force): (Pos2, f32)) {
-        let to = (self.pixel(ui, at), force);
-        if to.0 != from.0 {
-            desk.studio.mesh_stroke_along(from, to);
+    fn go_on(&mut self, ui: &Ui, desk: &Desk, at: Pos2, force: f32) {
+        let to = self.pixel(ui, at);
+        if let Some(drawing) = &mut self.drawing {
+            drawing.steady.go_on(to, force);
+            self.last_end = Some((to, desk.studio.scene().camera));
         }
-        self.drawing = Some(to);
-        self.last_end = Some((to.0, desk.studio.scene().camera));
+    }
+
+    /// Lets the stroke go where the pen went since.
+    fn go_along(&mut self, desk: &mut Desk) {
+        if let Some(drawing) = &mut self.drawing {
+            let settled = drawing.steady.take_settled();
+            let ahead = drawing.steady.ahead();
+            let from = drawing.settled;
+            drawing.settled = settled.last().copied().unwrap_or(from);
+            desk.studio.mesh_stroke_over(from, &settled, &ahead);
+        }
     }
 
     fn pen_up(&mut self, desk: &mut Desk) {
+        self.go_along(desk);
         if self.drawing.take().is_some() {
             desk.end_stroke();
         }

@@ -4,7 +4,7 @@ use super::cover::{Cover, Shape, TILE};
 use super::laid::{Copies, Ground};
 use super::skin::Skin;
 use super::solid;
-use super::trail::{Node, Piece, Trail, Vector};
+use super::trail::{Piece, Step, Trail, Vector};
 use crate::map::Rect;
 use glam::{IVec2, Vec2, Vec3};
 use rayon::prelude::*;
@@ -145,12 +145,12 @@ impl<V: Vector + Send + Sync> Course<V> {
         }
     }
 
-    /// Goes on to a node, or gives the last its pressure where it is at the same place. Gives the rectangles of the
-    /// map outside which nothing changes: parts of single tiles, or of a row of them.
+    /// Goes on by some steps, and for now by those `ahead`, in the place of the ones that were ahead before. Gives the
+    /// rectangles of the map outside which nothing changes: parts of single tiles, or of a row of them.
     pub(super) fn go_on(
         &mut self,
-        node: Node<V>,
-        stays: bool,
+        steps: &[Step<V>],
+        ahead: &[Step<V>],
         on: &(impl Lay<V> + Sync),
         map: Rect,
     ) -> Vec<Rect>
@@ -158,12 +158,14 @@ impl<V: Vector + Send + Sync> Course<V> {
         V::Side: Send + Sync,
     {
         let (mut done, mut tail) = (Vec::new(), Vec::new());
-        if stays {
-            self.trail.press(node.radius, node.flow);
-        } else {
-            self.trail.push(node, |p| on.copies(p, |p| done.push(p)));
+        for step in steps {
+            self.trail.step(step, |p| on.copies(p, |p| done.push(p)));
         }
-        self.trail.tail(|p| on.copies(p, |p| tail.push(p)));
+        let mut trail = self.trail.clone();
+        for step in ahead {
+            trail.step(step, |p| on.copies(p, |p| tail.push(p)));
+        }
+        trail.tail(|p| on.copies(p, |p| tail.push(p)));
         let mut changes = self.changes(&done, &tail, on);
         let (shape, follows) = (self.shape, self.follows);
         changes

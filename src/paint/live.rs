@@ -7,7 +7,7 @@ use super::laid::{Copies, Ground};
 use super::skin::Skin;
 use super::smooth::Kernel;
 use super::stroke::Added;
-use super::trail::Trail;
+use super::trail::{Node, Step, Trail, Vector};
 use super::{Brush, MeshPoints, POINTS_MAX, Point, Points, Stroke, solid};
 use crate::error::Result;
 use crate::map::{Rect, Region};
@@ -19,6 +19,9 @@ use std::sync::Arc;
 
 /// A stroke in the making.
 ///
+/// Where the end of the path may still change, as that of one that is being steadied ([`super::path::Steady`]), its last points
+/// are only *ahead*: those of the next call take their place, and the last ones are the stroke's end.
+///
 /// An editor keeps the texels as they were before the stroke. After each [`Live::push`] it calls [`Live::apply`] for the
 /// rectangles that the push returned; all others stay as they are. [`Live::finish`] gives the stroke for the document.
 pub struct Live {
@@ -28,14 +31,19 @@ pub struct Live {
     path: Path,
 }
 
+/// A place on a mesh, the surface's normal there, and the pen's pressure, 0 to 1.
+pub type SurfacePoint = (Vec3, Vec3, f32);
+
 enum Path {
     Uv {
         points: Vec<Point>,
+        ahead: Vec<Point>,
         copies: Copies,
         course: Course<Vec2>,
     },
     Mesh {
         points: MeshPoints,
+        ahead: Vec<SurfacePoint>,
         /// The brush in the mesh's units.
         scaled: Brush,
         skin: Arc<Skin>,
@@ -64,6 +72,7 @@ impl Live {
         Ok(Self {
             path: Path::Uv {
                 points: Vec::new(),
+                ahead: Vec::new(),
                 copies: Copies::new(&brush.symmetry, ground.grid.extent),
                 course: Course::new(
                     Trail::new(&brush, seed),
@@ -89,6 +98,7 @@ impl Live {
             ground: skin.ground,
             path: Path::Mesh {
                 points: MeshPoints::new(skin.extent()),
+                ahead: Vec::new(),
                 course: Course::new(
                     Trail::new(&scaled, seed),
                     shape,
@@ -113,7 +123,7 @@ impl Live {
         self.seed
     }
 
-    /// How many points it has.
+    /// How many points it has, without those that are ahead.
     pub fn len(&self) -> usize {
         match &self.path {
             Path::Uv { points, .. } => points.len(),
@@ -134,33 +144,53 @@ impl Live {
     /// The stroke goes on to a point in UV. The rectangles in which something changes; they may overlap. None for a stroke on a
     /// mesh.
     pub fn push(&mut self, point: Point) -> Vec<Rect> {
+        self.go_on(&[point], &[])
+    }
+
+    /// The same with several points, and with those that are ahead for now.
+    pub fn go_on(&mut self, more: &[Point], end: &[Point]) -> Vec<Rect> {
         let (everywhere, whole) = (self.brush.tool.is_everywhere(), self.whole());
         let Path::Uv {
             points,
+            ahead,
             copies,
             course,
         } = &mut self.path
         else {
             return Vec::new();
         };
-        let added = Points::add_uv(points, point);
-        if everywhere || added == Added::Nothing {
-            return first_only(points.len(), added, whole);
-        }
-        let node = self.ground.node(&self.brush, points[points.len() - 1]);
-        let plane = Plane {
-            ground: &self.ground,
-            copies,
+        let was_empty = points.is_empty();
+        let (ground, brush) = (&self.ground, &self.brush);
+        let add = |points: &mut Vec<Point>, point: &Point| {
+            let added = Points::add_uv(points, *point);
+            step_of(added, || ground.node(brush, points[points.len() - 1]))
         };
-        course.go_on(node, added == Added::Pressure, &plane, whole)
+        let steps: Vec<_> = more.iter().filter_map(|p| add(points, p)).collect();
+        if everywhere {
+            return first_only(was_empty && !points.is_empty(), whole);
+        }
+        let mut last: Vec<Point> = points.last().copied().into_iter().collect();
+        let provisional: Vec<_> = end.iter().filter_map(|p| add(&mut last, p)).collect();
+        if steps.is_empty() && ahead == end {
+            return Vec::new();
+        }
+        *ahead = end.to_vec();
+        let plane = Plane { ground, copies };
+        course.go_on(&steps, &provisional, &plane, whole)
     }
 
     /// The stroke goes on to a point of its mesh, with the surface's normal there. The rectangles in which something changes;
     /// none for a stroke in UV, and for numbers that are none.
     pub fn push_on_mesh(&mut self, position: Vec3, normal: Vec3, pressure: f32) -> Vec<Rect> {
+        self.go_on_mesh(&[(position, normal, pressure)], &[])
+    }
+
+    /// The same with several points, and with those that are ahead for now.
+    pub fn go_on_mesh(&mut self, more: &[SurfacePoint], end: &[SurfacePoint]) -> Vec<Rect> {
         let (everywhere, whole) = (self.brush.tool.is_everywhere(), self.whole());
         let Path::Mesh {
             points,
+            ahead,
             scaled,
             skin,
             copies,
@@ -169,13 +199,23 @@ impl Live {
         else {
             return Vec::new();
         };
-        let added = points.add(position, normal, pressure);
-        if everywhere || added == Added::Nothing {
-            return first_only(points.len(), added, whole);
+        let was_empty = points.is_empty();
+        let add = |points: &mut MeshPoints, (at, normal, pressure): &SurfacePoint| {
+            let added = points.add(*at, *normal, *pressure);
+            step_of(added, || solid::node(scaled, points, points.len() - 1))
+        };
+        let steps: Vec<_> = more.iter().filter_map(|p| add(points, p)).collect();
+        if everywhere {
+            return first_only(was_empty && !points.is_empty(), whole);
         }
-        let node = solid::node(scaled, points, points.len() - 1);
+        let mut last = points.last_only();
+        let provisional: Vec<_> = end.iter().filter_map(|p| add(&mut last, p)).collect();
+        if steps.is_empty() && ahead == end {
+            return Vec::new();
+        }
+        *ahead = end.to_vec();
         let space = Space { skin, copies };
-        course.go_on(node, added == Added::Pressure, &space, whole)
+        course.go_on(&steps, &provisional, &space, whole)
     }
 
     fn whole(&self) -> Rect {
@@ -257,7 +297,19 @@ impl Live {
     }
 
     /// The finished stroke; `None` when it paints nothing: there was no point, or only one of a tool that follows the stroke.
-    pub fn finish(self) -> Option<Stroke> {
+    pub fn finish(mut self) -> Option<Stroke> {
+        match &mut self.path {
+            Path::Uv { points, ahead, .. } => {
+                for point in ahead {
+                    Points::add_uv(points, *point);
+                }
+            }
+            Path::Mesh { points, ahead, .. } => {
+                for (at, normal, pressure) in ahead {
+                    points.add(*at, *normal, *pressure);
+                }
+            }
+        }
         let least = if self.brush.tool.follows_stroke() {
             2
         } else {
@@ -274,11 +326,16 @@ impl Live {
     }
 }
 
-/// What a point changes for a tool that works everywhere: the first does all.
-fn first_only(points: usize, added: Added, whole: Rect) -> Vec<Rect> {
-    if points == 1 && added == Added::Point {
-        vec![whole]
-    } else {
-        Vec::new()
+/// What a point that was added, or not, does to the path.
+fn step_of<V: Vector>(added: Added, node: impl FnOnce() -> Node<V>) -> Option<Step<V>> {
+    match added {
+        Added::Nothing => None,
+        Added::Pressure => Some(Step::Press(node())),
+        Added::Point => Some(Step::To(node())),
     }
+}
+
+/// What points change for a tool that works everywhere: the first does all.
+fn first_only(is_first: bool, whole: Rect) -> Vec<Rect> {
+    if is_first { vec![whole] } else { Vec::new() }
 }

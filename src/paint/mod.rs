@@ -26,7 +26,7 @@ pub use brush::{
     Brush, COPIES_MAX, FillWith, Groove, Keep, Pressure, Roughen, Scratch, SetAlpha, SetDirection,
     Smooth, Symmetry, Tool,
 };
-pub use live::Live;
+pub use live::{Live, SurfacePoint};
 pub use painting::Painting;
 pub use skin::{Skin, surface_scale};
 pub use stroke::{MeshPoints, POINTS_MAX, Point, Points, STROKES_MAX, Stroke, Strokes, UV_REACH};

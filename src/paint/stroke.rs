@@ -124,6 +124,14 @@ impl MeshPoints {
         add(points, point, |p| p.at, |p| &mut p.pressure)
     }
 
+    /// The last of them alone, or none.
+    pub(super) fn last_only(&self) -> Self {
+        Self {
+            exponent: self.exponent,
+            points: self.points.last().copied().into_iter().collect(),
+        }
+    }
+
     /// How many.
     pub fn len(&self) -> usize {
         self.points.len()

@@ -189,8 +189,10 @@ proptest! {
         let mut live = Live::new(one.brush().clone(), one.seed(), &surface).unwrap();
         let Points::Uv(points) = one.points() else { panic!() };
         let (mut now, mut coverage) = (under.clone(), vec![0.0; rect.texels()]);
-        for point in points {
-            for dirty in live.push(*point) {
+        for (i, point) in points.iter().enumerate() {
+            // What is ahead counts for as long as nothing else is.
+            let ahead = &points[i + 1..points.len().min(i + 1 + i % 4)];
+            for dirty in live.go_on(&[*point], ahead) {
                 let mut part = Region::constant(dirty, DEFAULT_TEXEL);
                 let mut covered = vec![0.0; dirty.texels()];
                 live.apply(&below.region(live.needs(dirty)), &under, &mut part, &mut covered);
@@ -211,6 +213,12 @@ proptest! {
         match live.finish() {
             Some(finished) => prop_assert_eq!(&finished, &*one),
             None => prop_assert!(want == under),
+        }
+        let mut ahead = Live::new(one.brush().clone(), one.seed(), &surface).unwrap();
+        ahead.go_on(&points[..1], &points[points.len() / 2..]);
+        ahead.go_on(&[], &points[1..]);
+        if let (Some(finished), false) = (ahead.finish(), one.brush().tool.is_everywhere()) {
+            prop_assert_eq!(&finished, &*one);
         }
     }
 
@@ -1270,7 +1278,9 @@ mod on_mesh {
                 let Points::Mesh(points) = one.points() else { panic!() };
                 for n in 0..points.len() {
                     let (position, normal, pressure) = points.get(n);
-                    for dirty in live.push_on_mesh(position, normal, pressure) {
+                    let end = points.len().min(n + 1 + n % 3);
+                    let ahead: Vec<_> = (n + 1..end).map(|i| points.get(i)).collect();
+                    for dirty in live.go_on_mesh(&[(position, normal, pressure)], &ahead) {
                         let mut part = Region::constant(dirty, DEFAULT_TEXEL);
                         let mut c: Vec<f32> = (dirty.y..dirty.y + dirty.height)
                             .flat_map(|y| (dirty.x..dirty.x + dirty.width).map(move |x| (x, y)))

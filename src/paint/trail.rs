@@ -73,6 +73,15 @@ impl<V: Vector> Node<V> {
     }
 }
 
+/// What a point adds to a path.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Step<V: Vector> {
+    /// It goes on to here.
+    To(Node<V>),
+    /// It stays, and the pressure at its last place is this one's.
+    Press(Node<V>),
+}
+
 /// A straight part of a stroke: a line between two nodes, or a dab where both are the same. Its direction is `along` in the
 /// middle, and turns to `start` and `end` toward its ends; all three point to the same side.
 #[derive(Clone, Copy, Debug)]
@@ -153,6 +162,14 @@ impl<V: Vector> Trail<V> {
         }
     }
 
+    /// Goes on by a step, and calls `out` with the pieces that are final now.
+    pub(super) fn step(&mut self, step: &Step<V>, out: impl FnMut(Piece<V>)) {
+        match *step {
+            Step::To(node) => self.push(node, out),
+            Step::Press(node) => self.press(node.radius, node.flow),
+        }
+    }
+
     /// Adds a point, which is not at the place of the last, and calls `out` with the pieces that are final now.
     pub(super) fn push(&mut self, node: Node<V>, mut out: impl FnMut(Piece<V>)) {
         let (Some(a), Some(b)) = (self.first, self.second) else {
@@ -177,7 +194,7 @@ impl<V: Vector> Trail<V> {
     }
 
     /// Puts the last point's pressure up, and what follows from it.
-    pub(super) fn press(&mut self, radius: f32, flow: f32) {
+    fn press(&mut self, radius: f32, flow: f32) {
         if let Some(last) = self.second.as_mut().or(self.first.as_mut()) {
             (last.radius, last.flow) = (radius, flow);
         }

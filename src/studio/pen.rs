@@ -4,13 +4,15 @@ use super::layers::label;
 use super::{DEFAULT_MESH, Edit, Header, Hit, Step, Studio, canvas, pick};
 use crate::error::Result;
 use crate::map::Rect;
-use crate::paint::{Brush, Live, Point};
+use crate::paint::{Brush, Live, POINTS_MAX, Point, SurfacePoint};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Pixels between the points of a stroke over the 3D picture.
 const PIXELS_A_POINT: f32 = 4.0;
+/// And as a part of the brush's radius, where that is more.
+const RADII_A_POINT: f32 = 0.15;
 
 /// How long the interface may be kept waiting while the map catches up with the canvas.
 pub(super) const CATCH_UP: Duration = Duration::from_millis(16);
@@ -36,24 +38,46 @@ impl Studio {
 
     /// Lets the stroke in flight go on to a point of UV.
     pub fn stroke_to(&mut self, point: Point) {
-        if !self.keep_uv(point) {
-            self.go_on(point);
+        self.stroke_along(&[point], &[]);
+    }
+
+    /// Lets the stroke in flight go on to points of UV, and for now to those `ahead`, in the place of what was ahead before.
+    pub fn stroke_along(&mut self, points: &[Point], ahead: &[Point]) {
+        if !self.keep_uv(points, ahead) {
+            self.go_on(points, ahead);
         }
     }
 
-    pub(super) fn go_on(&mut self, point: Point) {
-        self.push_point(|live| live.push(point));
-        if let Some((brush, seed)) = self.full_stroke() {
-            let again = self.begin_stroke(brush, seed.wrapping_add(1));
-            if let Err(error) = again {
+    pub(super) fn go_on(&mut self, points: &[Point], ahead: &[Point]) {
+        self.go_on_with(points, ahead, false, Live::go_on);
+    }
+
+    /// Lets the stroke in flight go on; where it takes no more points another goes on from its end.
+    fn go_on_with<P>(
+        &mut self,
+        points: &[P],
+        ahead: &[P],
+        on_mesh: bool,
+        push: impl Fn(&mut Live, &[P], &[P]) -> Vec<Rect>,
+    ) {
+        let mut rest = points;
+        loop {
+            let had = self.canvas.live().map_or(0, Live::len);
+            let (now, later) = rest.split_at(rest.len().min(POINTS_MAX.saturating_sub(had)));
+            let end = if later.is_empty() { ahead } else { &[] };
+            self.push_points(|live| push(live, now, end));
+            let Some((brush, seed)) = self.full_stroke() else {
+                return;
+            };
+            if let Err(error) = self.begin(brush, seed.wrapping_add(1), on_mesh) {
                 return self.trouble.push(error);
             }
-            self.push_point(|live| live.push(point));
+            rest = &rest[now.len().saturating_sub(1)..];
         }
     }
 
     /// Lets the stroke in flight go on, and shows what that changes as far as the time allows, all taken together.
-    fn push_point(&mut self, push: impl FnOnce(&mut Live) -> Vec<Rect>) {
+    fn push_points(&mut self, push: impl FnOnce(&mut Live) -> Vec<Rect>) {
         let begun = Instant::now();
         let dirty = self.canvas.go_on(push);
         canvas::add_parts(&mut self.behind, &self.canvas.parts(&dirty));
@@ -81,20 +105,17 @@ impl Studio {
     /// Lets the stroke in flight go on to a place of the mesh: its position, the surface's normal, the pen's pressure from 0
     /// to 1. See [`Studio::pick`].
     pub fn mesh_stroke_to(&mut self, position: Vec3, normal: Vec3, pressure: f32) {
-        if !self.keep_on_mesh(position, normal, pressure) {
-            self.go_on_mesh(position, normal, pressure);
+        self.mesh_stroke_through(&[(position, normal, pressure)], &[]);
+    }
+
+    fn mesh_stroke_through(&mut self, points: &[SurfacePoint], ahead: &[SurfacePoint]) {
+        if !self.keep_on_mesh(points, ahead) {
+            self.go_on_mesh(points, ahead);
         }
     }
 
-    pub(super) fn go_on_mesh(&mut self, position: Vec3, normal: Vec3, pressure: f32) {
-        self.push_point(|live| live.push_on_mesh(position, normal, pressure));
-        if let Some((brush, seed)) = self.full_stroke() {
-            let again = self.begin_mesh_stroke(brush, seed.wrapping_add(1));
-            if let Err(error) = again {
-                return self.trouble.push(error);
-            }
-            self.push_point(|live| live.push_on_mesh(position, normal, pressure));
-        }
+    pub(super) fn go_on_mesh(&mut self, points: &[SurfacePoint], ahead: &[SurfacePoint]) {
+        self.go_on_with(points, ahead, true, Live::go_on_mesh);
     }
 
     /// What is seen at a place of the 3D picture, in pixels from its upper left corner; `None` past the mesh.
@@ -107,14 +128,46 @@ impl Studio {
     /// Lets the stroke in flight on the mesh go along a straight line over the 3D picture, from where the pen was to where it
     /// is, each (pixels from the upper left corner, pressure). Where the line leaves the mesh nothing is painted.
     pub fn mesh_stroke_along(&mut self, from: (Vec2, f32), to: (Vec2, f32)) {
-        let steps = (from.0.distance(to.0) / PIXELS_A_POINT).ceil().max(1.0) as u32;
-        for n in 1..=steps {
-            let t = n as f32 / steps as f32;
-            if let Some(hit) = self.pick(from.0.lerp(to.0, t)) {
-                let pressure = from.1 + (to.1 - from.1) * t;
-                self.mesh_stroke_to(hit.position, hit.normal, pressure);
+        self.mesh_stroke_over(from, &[to], &[]);
+    }
+
+    /// The same from a place over others, and for now over those `ahead`, in the place of what was ahead before.
+    pub fn mesh_stroke_over(
+        &mut self,
+        from: (Vec2, f32),
+        places: &[(Vec2, f32)],
+        ahead: &[(Vec2, f32)],
+    ) {
+        let points = self.met_along(from, places);
+        let end = self.met_along(places.last().copied().unwrap_or(from), ahead);
+        self.mesh_stroke_through(&points, &end);
+    }
+
+    /// What lines over the 3D picture meet of the mesh, without the place they begin at.
+    fn met_along(&self, mut from: (Vec2, f32), places: &[(Vec2, f32)]) -> Vec<SurfacePoint> {
+        let mut met = Vec::new();
+        for to in places {
+            let apart = self.pixels_a_point(from.0);
+            let steps = (from.0.distance(to.0) / apart).ceil().max(1.0) as u32;
+            for n in 1..=steps {
+                let t = n as f32 / steps as f32;
+                if let Some(hit) = self.pick(from.0.lerp(to.0, t)) {
+                    let pressure = from.1 + (to.1 - from.1) * t;
+                    met.push((hit.position, hit.normal, pressure));
+                }
             }
+            from = *to;
         }
+        met
+    }
+
+    /// How far apart points of a stroke on the mesh are in the picture, pixels: for a large brush farther than for a small one.
+    fn pixels_a_point(&self, place: Vec2) -> f32 {
+        let (Some(hit), Some(skin)) = (self.pick(place), self.canvas.skin()) else {
+            return PIXELS_A_POINT;
+        };
+        let radius = self.canvas.live().map_or(0.0, |l| l.brush().radius) * skin.scale();
+        (RADII_A_POINT * radius / hit.pixel.max(f32::MIN_POSITIVE)).clamp(PIXELS_A_POINT, 32.0)
     }
 
     /// Ends the stroke in flight: it is a step of the history now, or as soon as its layer is ready. `false` when it painted

@@ -7,10 +7,9 @@ use super::canvas::Ready;
 use super::{DEFAULT_MESH, Studio, apart, broken_off};
 use crate::error::{Error, Result};
 use crate::mesh::Body;
-use crate::paint::{Brush, POINTS_MAX, Point};
+use crate::paint::{Brush, POINTS_MAX, Point, SurfacePoint};
 use crate::progress::Progress;
 use crate::recipe::{self, Files, Recipe};
-use glam::Vec3;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -44,15 +43,14 @@ struct Waiting {
     ground: Ground,
     brush: Arc<Brush>,
     seed: u32,
-    points: Vec<PenPoint>,
+    points: PenPoints,
     ended: bool,
 }
 
-/// Where the pen was.
-#[derive(Clone, Copy)]
-enum PenPoint {
-    Uv(Point),
-    Mesh(Vec3, Vec3, f32),
+/// Where the pen was, and the points ahead of that.
+enum PenPoints {
+    Uv(Vec<Point>, Vec<Point>),
+    Mesh(Vec<SurfacePoint>, Vec<SurfacePoint>),
 }
 
 /// What waits to be painted on, and what waits for it.
@@ -184,7 +182,11 @@ impl Studio {
             ground,
             brush,
             seed,
-            points: Vec::new(),
+            points: if on_mesh {
+                PenPoints::Mesh(Vec::new(), Vec::new())
+            } else {
+                PenPoints::Uv(Vec::new(), Vec::new())
+            },
             ended: false,
         });
         Ok(())
@@ -195,22 +197,28 @@ impl Studio {
         self.canvas.begin(brush, seed, skin)
     }
 
-    /// Keeps a point of a stroke that waits; `false` where none does.
-    pub(super) fn keep_uv(&mut self, point: Point) -> bool {
-        self.keep(PenPoint::Uv(point))
-    }
-
-    /// The same of a stroke on the mesh.
-    pub(super) fn keep_on_mesh(&mut self, position: Vec3, normal: Vec3, pressure: f32) -> bool {
-        self.keep(PenPoint::Mesh(position, normal, pressure))
-    }
-
-    fn keep(&mut self, point: PenPoint) -> bool {
+    /// Keeps points of a stroke that waits, and those ahead of them; `false` where none does.
+    pub(super) fn keep_uv(&mut self, points: &[Point], ahead: &[Point]) -> bool {
         let Some(open) = self.queue.open() else {
             return false;
         };
-        if open.points.len() < POINTS_MAX {
-            open.points.push(point);
+        if let PenPoints::Uv(kept, end) = &mut open.points {
+            let room = POINTS_MAX.saturating_sub(kept.len());
+            kept.extend(points.iter().take(room));
+            *end = ahead.to_vec();
+        }
+        true
+    }
+
+    /// The same of a stroke on the mesh.
+    pub(super) fn keep_on_mesh(&mut self, points: &[SurfacePoint], ahead: &[SurfacePoint]) -> bool {
+        let Some(open) = self.queue.open() else {
+            return false;
+        };
+        if let PenPoints::Mesh(kept, end) = &mut open.points {
+            let room = POINTS_MAX.saturating_sub(kept.len());
+            kept.extend(points.iter().take(room));
+            *end = ahead.to_vec();
         }
         true
     }
@@ -375,13 +383,9 @@ impl Studio {
 
     fn paint_kept(&mut self, stroke: Waiting) -> Result<()> {
         self.begin_now(stroke.brush, stroke.seed, stroke.ground.on_mesh)?;
-        for point in stroke.points {
-            match point {
-                PenPoint::Uv(point) => self.go_on(point),
-                PenPoint::Mesh(position, normal, pressure) => {
-                    self.go_on_mesh(position, normal, pressure);
-                }
-            }
+        match stroke.points {
+            PenPoints::Uv(points, ahead) => self.go_on(&points, &ahead),
+            PenPoints::Mesh(points, ahead) => self.go_on_mesh(&points, &ahead),
         }
         if stroke.ended {
             self.end_now()?;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::map::Region;
-use crate::paint::{Brush, Groove, Point, Smooth, Tool};
+use crate::paint::{Brush, Groove, POINTS_MAX, Point, Smooth, Tool};
 use crate::pattern::Pattern;
 use crate::recipe::{Channels, LAYERS_MAX, Layer, Mask, MaskSource, Source};
 use glam::Vec2;
@@ -432,7 +432,7 @@ fn a_stroke_without_end_goes_on_in_the_next() {
     studio.select(1);
     let groove = brush(Tool::Groove(Groove::default()), 0.01);
     studio.begin_stroke(groove, 1).unwrap();
-    let points = crate::paint::POINTS_MAX as u32 + 10;
+    let points = POINTS_MAX as u32 + 10;
     for n in 0..points {
         let at = Vec2::new(0.2 + 0.1 * (n % 2) as f32, 0.5);
         studio.stroke_to(Point::new(at, 1.0).unwrap());
@@ -442,7 +442,7 @@ fn a_stroke_without_end_goes_on_in_the_next() {
         panic!()
     };
     let lengths: Vec<usize> = strokes.strokes.iter().map(|s| s.points().len()).collect();
-    assert_eq!(lengths, [crate::paint::POINTS_MAX, 11]);
+    assert_eq!(lengths, [POINTS_MAX, 11]);
     assert_eq!(studio.take_trouble().len(), 0);
 }
 

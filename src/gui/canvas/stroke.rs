@@ -4,7 +4,7 @@ use super::{CanvasPane, extent};
 use crate::gui::desk::Desk;
 use crate::gui::pane::{Pen, pen, pressure};
 use anisomap::paint::Point;
-use anisomap::paint::path::{PulledString, snap_angle};
+use anisomap::paint::path::{PulledString, Steady, snap_angle};
 use anisomap::studio::hand::ToolKind;
 use anisomap::studio::orbit::{Button, Drag};
 use anisomap::studio::view::Camera2d;
@@ -15,6 +15,8 @@ use std::sync::Arc;
 /// A stroke in flight.
 pub(super) struct Drawing {
     string: PulledString,
+    /// The path of what the string pulls.
+    steady: Steady,
     /// Whole turns of UV that are taken off, so that a stroke on a copy of the map is one on the map.
     turns: Vec2,
     inverse: bool,
@@ -66,6 +68,7 @@ impl CanvasPane {
                 Pen::Down(_) => {}
             }
         }
+        self.go_along(desk);
         if was_drawing || self.drawing.is_some() {
             if !ui.input(|i| i.pointer.primary_down()) {
                 self.pen_up(desk); // lifted where nobody saw it
@@ -104,15 +107,17 @@ impl CanvasPane {
             _ => None,
         };
         let string = PulledString::new(at, desk.hand.string_length());
+        let pixel = 1.0 / (self.points_per_unit(ui, camera) * ui.pixels_per_point());
         self.drawing = Some(Drawing {
             string,
+            steady: Steady::new(at, pressure(ui), pixel),
             turns,
             inverse,
             line_from,
         });
         match line_from {
             Some(from) => self.draw_line(desk, from, aim(from, at, modifiers.command)),
-            None => self.stroke_to(desk, at, pressure(ui)),
+            None => self.go_along(desk),
         }
     }
 
@@ -127,16 +132,22 @@ impl CanvasPane {
         desk.told(begun).is_some()
     }
 
-    pub(super) fn stroke_to(&mut self, desk: &mut Desk, at: Vec2, pressure: f32) {
-        if let Some(point) = Point::new(at / extent(desk), pressure) {
-            desk.studio.stroke_to(point);
+    /// Lets the stroke go where the pen went since.
+    pub(super) fn go_along(&mut self, desk: &mut Desk) {
+        let Some(drawing) = &mut self.drawing else {
+            return;
+        };
+        if drawing.line_from.is_none() {
+            let points = points_of(desk, &drawing.steady.take_settled());
+            let ahead = points_of(desk, &drawing.steady.ahead());
+            desk.studio.stroke_along(&points, &ahead);
         }
     }
 
     /// The stroke in flight as one straight line.
     pub(super) fn draw_line(&mut self, desk: &mut Desk, from: Vec2, to: Vec2) {
-        self.stroke_to(desk, from, 1.0);
-        self.stroke_to(desk, to, 1.0);
+        let points = points_of(desk, &[(from, 1.0), (to, 1.0)]);
+        desk.studio.stroke_along(&points, &[]);
     }
 
     /// Every motion counts, not only the last of the frame: a fast curve must not become a polygon.
@@ -164,13 +175,14 @@ impl CanvasPane {
             }
             None => {
                 if let Some(next) = drawing.string.pull(place) {
-                    self.stroke_to(desk, next, force);
+                    drawing.steady.go_on(next, force);
                 }
             }
         }
     }
 
     pub(super) fn pen_up(&mut self, desk: &mut Desk) {
+        self.go_along(desk);
         let Some(drawing) = self.drawing.take() else {
             return;
         };
@@ -270,4 +282,11 @@ impl CanvasPane {
 /// The end of a straight line toward the pointer, by steps of 15 degrees where the angle snaps.
 pub(super) fn aim(from: Vec2, to: Vec2, snap: bool) -> Vec2 {
     if snap { snap_angle(from, to, 15.0) } else { to }
+}
+
+/// Places in surface units, with the pen's pressure, as points of a stroke.
+fn points_of(desk: &Desk, places: &[(Vec2, f32)]) -> Vec<Point> {
+    let extent = extent(desk);
+    let point = |(at, pressure): &(Vec2, f32)| Point::new(*at / extent, *pressure);
+    places.iter().filter_map(point).collect()
 }
