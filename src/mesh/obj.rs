@@ -32,7 +32,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8], projection: Option<Projection>) -
     let mut mesh = Mesh::empty("", 1.0);
     reader
         .into_raw()
-        .complete(MissingNormals::Smooth)
+        .complete(MissingNormals::Creased)
         .map_err(whole)
         .and_then(|part| {
             let appended = mesh.append(&part, Mat4::IDENTITY);

@@ -10,14 +10,20 @@ const MAX_COORDINATE: f32 = 1e9;
 /// Largest texture coordinate; beyond it f32 no longer tells texels of one turn apart.
 const MAX_UV: f32 = 1e5;
 
+/// Triangles whose normals stand farther apart meet in a sharp edge, where a file leaves normals out.
+pub(super) const SHARP_DEGREES: f32 = 60.0;
+/// Where more triangles than this meet, all of them count: looking at each pair of them would take long.
+const FAN_MAX: usize = 256;
+
 /// Normals that a file leaves out.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum MissingNormals {
     /// One for each triangle, as glTF 2.0 section 3.7.2.1 demands.
     Flat,
     /// At each position the mean of its triangles' normals, weighted by their angles there (Thürmer and Wüthrich 1998): the
-    /// same however the faces are cut into triangles.
-    Smooth,
+    /// same however the faces are cut into triangles. Of each triangle's neighbours those count that stand within
+    /// [`SHARP_DEGREES`] of it, so that edges which turn by more are sharp.
+    Creased,
 }
 
 /// Triangles as a file gives them; indices already checked against the vertices.
@@ -43,6 +49,9 @@ impl Raw {
         if self.normals.is_empty() && missing == MissingNormals::Flat {
             self.make_flat();
         } else {
+            if missing == MissingNormals::Creased {
+                self.make_creased();
+            }
             self.make_smooth();
         }
         let given = std::mem::take(&mut self.tangents);
@@ -127,14 +136,51 @@ impl Raw {
             .collect();
     }
 
+    /// Makes the normals that are missing, of each triangle's corner its own: a vertex whose corners have several becomes as many.
+    /// Tangents, of which there are none yet where normals are missing, are left out.
+    fn make_creased(&mut self) {
+        self.normals.resize(self.positions.len(), Vec3::ZERO);
+        let lacks: Vec<bool> = self.normals.iter().map(|n| !is_usable(n)).collect();
+        if !lacks.contains(&true) {
+            return;
+        }
+        self.tangents.clear();
+        let fans = Fans::of(&self.positions, &self.triangles);
+        let mut made: Vec<Option<Vec3>> = vec![None; self.positions.len()];
+        let mut others: HashMap<(u32, [u32; 3]), u32> = HashMap::new();
+        for n in 0..self.triangles.len() {
+            for k in 0..3 {
+                let vertex = self.triangles[n][k];
+                if !lacks[vertex as usize] {
+                    continue;
+                }
+                let normal = fans.normal(n as u32, vertex);
+                let first = made[vertex as usize].get_or_insert(normal);
+                if *first == normal {
+                    self.normals[vertex as usize] = normal;
+                    continue;
+                }
+                let bits = normal.to_array().map(f32::to_bits);
+                let other = *others.entry((vertex, bits)).or_insert_with(|| {
+                    self.positions.push(self.positions[vertex as usize]);
+                    if let Some(uv) = self.uvs.get(vertex as usize).copied() {
+                        self.uvs.push(uv);
+                    }
+                    self.normals.push(normal);
+                    self.normals.len() as u32 - 1
+                });
+                self.triangles[n][k] = other;
+            }
+        }
+    }
+
     /// Normalises the file's normals and makes those that are missing or have no direction.
     fn make_smooth(&mut self) {
-        let usable = |n: &Vec3| n.is_finite() && n.try_normalize().is_some();
-        if self.normals.is_empty() || !self.normals.iter().all(usable) {
+        if self.normals.is_empty() || !self.normals.iter().all(is_usable) {
             let made = self.smooth_normals();
             self.normals.resize(made.len(), Vec3::ZERO);
             for (normal, made) in self.normals.iter_mut().zip(made) {
-                if !usable(normal) {
+                if !is_usable(normal) {
                     *normal = made;
                 }
             }
@@ -161,6 +207,81 @@ impl Raw {
             .iter()
             .map(|p| sums.get(&key(*p)).copied().unwrap_or_default())
             .collect()
+    }
+}
+
+fn is_usable(normal: &Vec3) -> bool {
+    normal.is_finite() && normal.try_normalize().is_some()
+}
+
+/// The triangles that meet at each place.
+struct Fans {
+    /// For each vertex the number of its place.
+    places: Vec<u32>,
+    /// Where each place's triangles begin in the list, and where the last ones end.
+    starts: Vec<u32>,
+    /// Triangles, each with its angle at the place, in their order.
+    around: Vec<(u32, f32)>,
+    normals: Vec<Vec3>,
+}
+
+impl Fans {
+    fn of(positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+        let mut numbers: HashMap<[u32; 3], u32> = HashMap::with_capacity(positions.len());
+        let mut place = |p: &Vec3| {
+            let next = numbers.len() as u32;
+            let key = p.to_array().map(|x| (x + 0.0).to_bits());
+            *numbers.entry(key).or_insert(next)
+        };
+        let places: Vec<u32> = positions.iter().map(&mut place).collect();
+        let mut starts = vec![0u32; numbers.len() + 1];
+        for i in triangles.as_flattened() {
+            starts[places[*i as usize] as usize + 1] += 1;
+        }
+        for i in 1..starts.len() {
+            starts[i] += starts[i - 1];
+        }
+        let mut next = starts.clone();
+        let mut around = vec![(0, 0.0); triangles.len() * 3];
+        let mut normals = Vec::with_capacity(triangles.len());
+        for (n, triangle) in (0..).zip(triangles) {
+            let corners = triangle.map(|i| positions[i as usize]);
+            normals.push(area_vector(corners).normalize_or_zero());
+            for k in 0..3 {
+                let [at, b, c] = [0, 1, 2].map(|i| corners[(k + i) % 3]);
+                let (b, c) = (b - at, c - at);
+                let angle = math::atan2(b.cross(c).length(), b.dot(c));
+                let to = &mut next[places[triangle[k] as usize] as usize];
+                around[*to as usize] = (n, angle);
+                *to += 1;
+            }
+        }
+        Self {
+            places,
+            starts,
+            around,
+            normals,
+        }
+    }
+
+    /// The normal of a triangle's corner at a vertex: the same bits for all triangles that count the same others.
+    fn normal(&self, triangle: u32, vertex: u32) -> Vec3 {
+        let place = self.places[vertex as usize] as usize;
+        let fan = &self.around[self.starts[place] as usize..self.starts[place + 1] as usize];
+        let own = self.normals[triangle as usize];
+        let least = if fan.len() > FAN_MAX || own == Vec3::ZERO {
+            -2.0
+        } else {
+            SHARP_DEGREES.to_radians().cos()
+        };
+        let mut sum = Vec3::ZERO;
+        for (other, angle) in fan {
+            let normal = self.normals[*other as usize];
+            if own.dot(normal) >= least {
+                sum += normal * *angle;
+            }
+        }
+        direction(sum)
     }
 }
 

@@ -396,11 +396,11 @@ fn an_obj_mirrored_in_u_has_w_minus_one_and_a_tangent_along_u() {
 #[test]
 fn smooth_normals_cross_uv_seams() {
     // Two faces of a roof; the ridge is doubled in UV only.
-    let roof = "v -1 0 0\nv 0 1 0\nv 0 1 2\nv -1 0 2\nv 1 0 0\nv 1 0 2\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+    let roof = "v -1 0 0\nv 0 .5 0\nv 0 .5 2\nv -1 0 2\nv 1 0 0\nv 1 0 2\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
                 f 1/1 4/2 3/3 2/4\nf 2/1 3/2 6/3 5/4\n";
     let mesh = obj(roof).unwrap();
     let ridge: Vec<Vec3> = (0..mesh.positions.len())
-        .filter(|i| mesh.positions[*i].y == 1.0)
+        .filter(|i| mesh.positions[*i].y == 0.5)
         .map(|i| mesh.normals[i])
         .collect();
     assert_eq!(ridge.len(), 4);
@@ -408,6 +408,49 @@ fn smooth_normals_cross_uv_seams() {
         ridge.iter().all(|n| n.abs_diff_eq(Vec3::Y, 1e-6)),
         "{ridge:?}"
     );
+}
+
+#[test]
+fn edges_that_turn_by_more_than_60_degrees_are_sharp_without_normals() {
+    // The corners of a cube by their bits, shared by all faces; one place of the layout is enough.
+    let corner = |i: u32| format!("v {} {} {}\n", i & 1, i >> 1 & 1, i >> 2 & 1);
+    let faces = [
+        "1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6",
+    ];
+    let face = |f: &str| {
+        let corners = f.split(' ').zip(1..).map(|(v, t)| format!(" {v}/{t}"));
+        format!("f{}\n", corners.collect::<String>())
+    };
+    let mut text: String = (0..8).map(corner).collect();
+    text += "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+    text += &faces.map(face).concat();
+    let cube = obj(&text).unwrap();
+    for triangle in &cube.triangles {
+        let [a, b, c] = cube.corners(*triangle);
+        let flat = (b - a).cross(c - a).normalize();
+        for i in triangle {
+            assert!(cube.normals[*i as usize].abs_diff_eq(flat, 1e-6));
+        }
+    }
+    // A sphere stays smooth, and takes no vertex more.
+    let sphere = builtin("sphere").unwrap();
+    let mut text = String::new();
+    for (p, uv) in sphere.positions.iter().zip(&sphere.uvs) {
+        text += &format!("v {} {} {}\nvt {} {}\n", p.x, p.y, p.z, uv.x, uv.y);
+    }
+    for t in &sphere.triangles {
+        let [a, b, c] = t.map(|i| i + 1);
+        text += &format!("f {a}/{a} {b}/{b} {c}/{c}\n");
+    }
+    let read = obj(&text).unwrap();
+    assert!(read.positions.len() <= sphere.positions.len());
+    let off = |i: usize| {
+        read.normals[i]
+            .angle_between(read.positions[i])
+            .to_degrees()
+    };
+    let worst = (0..read.positions.len()).map(off).fold(0.0, f32::max);
+    assert!(worst < 1.0, "{worst}");
 }
 
 #[test]
