@@ -74,11 +74,13 @@ fn braid() -> Result<Vec<Arc<Stroke>>> {
     };
     let mut strokes = Vec::new();
     for phase in [0.0, PI] {
-        strokes.push(stroke(&brush, 1200, |t| strand(phase, t))?);
+        // A little over both ends, or the strands would have caps at the cut of the layout.
+        strokes.push(stroke(&brush, 1224, |t| strand(phase, 1.02 * t - 0.01))?);
     }
     // The first lies below the second everywhere: once a wave it comes up.
     let wave = 1.0 / WAVES as f32;
-    for n in 0..WAVES {
+    // The cut of the layout is a crossing, too: there it is drawn on both sides.
+    for n in 0..=WAVES {
         let from = (n as f32 - CROSSING) * wave;
         strokes.push(stroke(&brush, 60, |t| {
             strand(0.0, from + 2.0 * CROSSING * wave * t)
@@ -149,5 +151,35 @@ mod tests {
             .map(&none)
             .unwrap();
         assert_ne!(with.cos2(), without.cos2());
+    }
+
+    #[test]
+    fn the_braid_goes_on_over_the_cut_of_the_layout() {
+        let file = welcome().unwrap();
+        let size = crate::map::Size::new(1024, 512).unwrap();
+        let none = Progress::none();
+        let prepared = file.recipe().prepare(size, &file.files(false), &none);
+        let map = prepared.unwrap().map(&none).unwrap();
+        let (w, h) = (size.width() as usize, size.height() as usize);
+        let braid = (WALL - AMPLITUDE - 0.02, WALL + AMPLITUDE + 0.02);
+        let rows = ((1.0 - braid.1) * h as f32) as usize..((1.0 - braid.0) * h as f32) as usize;
+        let turn = |y: usize, a: usize, b: usize| {
+            let (a, b) = (y * w + a, y * w + b);
+            let cos = map.cos2()[a] * map.cos2()[b] + map.sin2()[a] * map.sin2()[b];
+            0.5 * cos.clamp(-1.0, 1.0).acos().to_degrees()
+        };
+        // No more than between any two columns elsewhere where strands cross.
+        let most = |a: usize, b: usize| rows.clone().map(|y| turn(y, a, b)).fold(0.0, f32::max);
+        let wave = w as f32 / WAVES as f32;
+        let elsewhere = (1..WAVES).map(|n| {
+            let x = (n as f32 * wave).round() as usize;
+            most(x - 1, x)
+        });
+        let elsewhere = elsewhere.fold(0.0, f32::max);
+        let here = most(w - 1, 0);
+        assert!(
+            here <= elsewhere + 3.0,
+            "{here} degrees at the cut, {elsewhere} elsewhere"
+        );
     }
 }
