@@ -1,6 +1,6 @@
 //! What a texture may mean, by its name and its channels and by the files beside it. A guess is shown before it is used.
 
-use super::numbers::{ENDINGS, Numbers};
+use super::numbers::{self, ENDINGS};
 use super::textures::{Channel, Textures};
 use crate::convention::textures::{Convention, Encoding};
 use crate::error::{Error, Result};
@@ -150,14 +150,14 @@ fn is_picture(name: &str) -> bool {
 /// What a picture and those beside it may mean.
 ///
 /// # Errors
-/// As [`Numbers::open`], and [`Error::File`] where the name is no Unicode.
+/// As [`numbers::about`], and [`Error::File`] where the name is no Unicode.
 pub fn guess(path: &Path) -> Result<Guess> {
     let file = path.file_name().and_then(|n| n.to_str());
     let file = file.ok_or_else(|| {
         Error::file(path, "a recipe cannot name it: its name is no Unicode")
             .with_hint("Rename the file")
     })?;
-    let channels = channels_in_order(&Numbers::open(path)?);
+    let channels = channels_in_order(numbers::about(path)?.channels);
     let (base, role) = role_of(file);
     let role = role.unwrap_or(if channels.len() < 3 {
         Role::Roughness
@@ -175,8 +175,7 @@ pub fn guess(path: &Path) -> Result<Guess> {
 }
 
 /// R, G, B, A before any others, so that the first is the one that is meant.
-fn channels_in_order(numbers: &Numbers) -> Vec<String> {
-    let mut names = numbers.channels();
+fn channels_in_order(mut names: Vec<String>) -> Vec<String> {
     let place = |name: &String| "rgba".find(&name.to_lowercase()).unwrap_or(4);
     names.sort_by_key(place);
     names
@@ -213,11 +212,11 @@ fn siblings(path: &Path, base: &str) -> Vec<Member> {
     let of_set = |file: String| -> Option<Member> {
         let (its_base, role) = role_of(&file);
         let role = role.filter(|_| its_base == base)?;
-        let numbers = Numbers::open(&folder_of(path).join(&file)).ok()?;
+        let about = numbers::about(&folder_of(path).join(&file)).ok()?;
         Some(Member {
             file,
             role,
-            channels: channels_in_order(&numbers),
+            channels: channels_in_order(about.channels),
         })
     };
     pictures_beside(path)

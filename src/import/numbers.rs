@@ -1,12 +1,12 @@
 //! The numbers of a picture's channels as they are stored: no colour, no gamma, no profile. Whole numbers become 0 to 1.
 
 use super::exr;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, open_regular};
 use crate::map::Size;
 use image::codecs::png::PngDecoder;
 use image::codecs::tiff::TiffDecoder;
 use image::{DynamicImage, ImageDecoder, Limits};
-use std::io::Cursor;
+use std::io::{BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
 /// The most memory that a picture's colour profile and texts may take together.
@@ -37,10 +37,8 @@ impl Numbers {
     pub fn open(path: &Path) -> Result<Self> {
         let bytes = super::read_file(path)?;
         match bytes.get(..4) {
-            _ if bytes.is_empty() => {
-                Err(Error::file(path, "the file is empty").with_hint("Copy or export it once more"))
-            }
-            Some([0x76, 0x2f, 0x31, 0x01]) => {
+            _ if bytes.is_empty() => Err(empty(path)),
+            Some(magic) if magic == EXR => {
                 drop(bytes);
                 let names = exr::channels(path)?;
                 let first = names.first().map_or("R", String::as_str);
@@ -60,8 +58,7 @@ impl Numbers {
                 })
                 .map(Self::of)
             }
-            _ => Err(Error::file(path, "it is no PNG, TIFF or OpenEXR file")
-                .with_hint("Save the texture as one of them: JPEG loses what a map is made of")),
+            _ => Err(no_picture(path)),
         }
     }
 
@@ -77,49 +74,190 @@ impl Numbers {
 
     /// The names of its channels: `r`, `g`, `b`, `a` of a picture, where a grey one has `r` alone; of an OpenEXR file, its own.
     pub fn channels(&self) -> Vec<String> {
-        let words: &[&str] = match &self.body {
-            Body::Exr(names) => return names.clone(),
-            Body::Picture(picture) => match picture.color().channel_count() {
-                1 => &["r"],
-                2 => &["r", "a"],
-                3 => &["r", "g", "b"],
-                _ => &["r", "g", "b", "a"],
-            },
+        match &self.body {
+            Body::Exr(names) => names.clone(),
+            Body::Picture(picture) => names(picture.color().channel_count()),
+        }
+    }
+
+    /// A channel, to be asked for its numbers.
+    ///
+    /// # Errors
+    /// [`Error::File`] when it has no such channel, or cannot be read on.
+    pub fn channel(&self, path: &Path, channel: &str) -> Result<Plane<'_>> {
+        let picture = match &self.body {
+            Body::Exr(_) => {
+                let (plane, size) = exr::read_channel(path, channel)?;
+                return match size == self.size {
+                    true => Ok(Plane::Read(plane)),
+                    false => Err(Error::file(path, "its parts differ in size")),
+                };
+            }
+            Body::Picture(picture) => picture,
         };
-        words.iter().map(|w| (*w).to_owned()).collect()
+        let names = self.channels();
+        let at = names.iter().position(|n| n.eq_ignore_ascii_case(channel));
+        let at = at.ok_or_else(|| {
+            let names = names.join(", ");
+            Error::file(
+                path,
+                format!("it has the channels {names}; needed: {channel}"),
+            )
+        })?;
+        let stored = match picture {
+            DynamicImage::ImageLuma8(p) => Stored::Bytes(p),
+            DynamicImage::ImageLumaA8(p) => Stored::Bytes(p),
+            DynamicImage::ImageRgb8(p) => Stored::Bytes(p),
+            DynamicImage::ImageRgba8(p) => Stored::Bytes(p),
+            DynamicImage::ImageLuma16(p) => Stored::Words(p),
+            DynamicImage::ImageLumaA16(p) => Stored::Words(p),
+            DynamicImage::ImageRgb16(p) => Stored::Words(p),
+            DynamicImage::ImageRgba16(p) => Stored::Words(p),
+            DynamicImage::ImageRgb32F(p) => Stored::Floats(p),
+            DynamicImage::ImageRgba32F(p) => Stored::Floats(p),
+            other => {
+                return Err(
+                    Error::file(path, format!("its colours are {:?}", other.color()))
+                        .with_hint("Save it with 8 or 16 bits a channel"),
+                );
+            }
+        };
+        let every = usize::from(picture.color().channel_count());
+        Ok(Plane::Stored { stored, at, every })
     }
 
     /// The numbers of a channel in row order, top row first.
     ///
     /// # Errors
-    /// [`Error::File`] when it has no such channel, or cannot be read on.
+    /// As [`Numbers::channel`].
     pub fn plane(&self, path: &Path, channel: &str) -> Result<Vec<f32>> {
-        match &self.body {
-            Body::Exr(_) => {
-                let (plane, size) = exr::read_channel(path, channel)?;
-                if size == self.size {
-                    Ok(plane)
-                } else {
-                    Err(Error::file(path, "its parts differ in size"))
+        let plane = self.channel(path, channel)?;
+        Ok((0..self.size.texels()).map(|i| plane.number(i)).collect())
+    }
+}
+
+/// A channel of a picture.
+pub enum Plane<'a> {
+    /// As the picture holds it, among the others.
+    #[doc(hidden)]
+    Stored {
+        /// All numbers of the picture.
+        stored: Stored<'a>,
+        /// The place of the first.
+        at: usize,
+        /// The distance from one to the next.
+        every: usize,
+    },
+    /// Alone.
+    #[doc(hidden)]
+    Read(Vec<f32>),
+}
+
+/// The numbers of a picture, channel by channel for each texel.
+#[doc(hidden)]
+pub enum Stored<'a> {
+    Bytes(&'a [u8]),
+    Words(&'a [u16]),
+    Floats(&'a [f32]),
+}
+
+impl Plane<'_> {
+    /// The number of texel `i` in row order, top row first.
+    ///
+    /// # Panics
+    /// Past the last texel.
+    pub fn number(&self, i: usize) -> f32 {
+        match self {
+            Self::Read(plane) => plane[i],
+            Self::Stored { stored, at, every } => {
+                let i = at + every * i;
+                match stored {
+                    Stored::Bytes(raw) => f32::from(raw[i]) / 255.0,
+                    Stored::Words(raw) => f32::from(raw[i]) / 65535.0,
+                    Stored::Floats(raw) => raw[i],
                 }
-            }
-            Body::Picture(picture) => {
-                let names = self.channels();
-                let at = names.iter().position(|n| n.eq_ignore_ascii_case(channel));
-                let at = at.ok_or_else(|| {
-                    let problem = format!(
-                        "it has the channels {}; needed: {channel}",
-                        names.join(", ")
-                    );
-                    Error::file(path, problem)
-                })?;
-                plane_of(picture, at).ok_or_else(|| {
-                    Error::file(path, format!("its colours are {:?}", picture.color()))
-                        .with_hint("Save it with 8 or 16 bits a channel")
-                })
             }
         }
     }
+}
+
+/// What a picture's first bytes say.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct About {
+    /// Its size.
+    pub size: Size,
+    /// The names of its channels: see [`Numbers::channels`].
+    pub channels: Vec<String>,
+}
+
+/// What a picture says of itself, without its texels being read.
+///
+/// # Errors
+/// As [`Numbers::open`], as far as that is known by then.
+pub fn about(path: &Path) -> Result<About> {
+    let (mut file, _) = open_regular(path)?;
+    let mut magic = [0; 4];
+    let n = file.read(&mut magic).map_err(Error::read(path))?;
+    if n == 0 {
+        return Err(empty(path));
+    }
+    if magic == EXR {
+        let channels = exr::channels(path)?;
+        let first = channels.first().map_or("R", String::as_str);
+        let size = exr::channel_size(path, first)?;
+        return Ok(About { size, channels });
+    }
+    file.rewind().map_err(Error::read(path))?;
+    let file = BufReader::new(file);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(EXTRAS_MAX);
+    let (size, colours) = match magic {
+        [0x89, b'P', b'N', b'G'] => shape(path, "PNG", || PngDecoder::with_limits(file, limits))?,
+        [b'I', b'I', ..] | [b'M', b'M', ..] => shape(path, "TIFF", || {
+            let mut decoder = TiffDecoder::new(file)?;
+            decoder.set_limits(limits)?;
+            Ok(decoder)
+        })?,
+        _ => return Err(no_picture(path)),
+    };
+    let channels = names(colours.channel_count());
+    Ok(About { size, channels })
+}
+
+/// Size and colours of a picture that is not decoded.
+fn shape<D: ImageDecoder>(
+    path: &Path,
+    kind: &str,
+    open: impl FnOnce() -> image::ImageResult<D>,
+) -> Result<(Size, image::ColorType)> {
+    let broken = |e: image::ImageError| Error::file(path, format!("it is no usable {kind}: {e}"));
+    let decoder = open().map_err(broken)?;
+    let (width, height) = decoder.dimensions();
+    let size = Size::new(width, height).map_err(|e| Error::file(path, e.to_string()))?;
+    Ok((size, decoder.color_type()))
+}
+
+/// What an OpenEXR file begins with.
+const EXR: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
+fn empty(path: &Path) -> Error {
+    Error::file(path, "the file is empty").with_hint("Copy or export it once more")
+}
+
+fn no_picture(path: &Path) -> Error {
+    Error::file(path, "it is no PNG, TIFF or OpenEXR file")
+        .with_hint("Save the texture as one of them: JPEG loses what a map is made of")
+}
+
+/// The names of a picture's channels.
+fn names(count: u8) -> Vec<String> {
+    let words: &[&str] = match count {
+        1 => &["r"],
+        2 => &["r", "a"],
+        3 => &["r", "g", "b"],
+        _ => &["r", "g", "b", "a"],
+    };
+    words.iter().map(|w| (*w).to_owned()).collect()
 }
 
 /// Decodes a picture of which nothing is believed before its bytes could hold it.
@@ -145,39 +283,6 @@ pub(super) fn decode<'a, D: ImageDecoder>(
     decoder.set_limits(limits).map_err(broken)?;
     let picture = DynamicImage::from_decoder(decoder).map_err(broken)?;
     Ok((size, picture))
-}
-
-/// Channel `at` of a picture; `None` where its numbers are of no kind that is known here.
-fn plane_of(picture: &DynamicImage, at: usize) -> Option<Vec<f32>> {
-    let n = usize::from(picture.color().channel_count());
-    let of_bytes = |raw: &[u8]| {
-        raw[at..]
-            .iter()
-            .step_by(n)
-            .map(|v| f32::from(*v) / 255.0)
-            .collect()
-    };
-    let of_words = |raw: &[u16]| {
-        raw[at..]
-            .iter()
-            .step_by(n)
-            .map(|v| f32::from(*v) / 65535.0)
-            .collect()
-    };
-    let of_floats = |raw: &[f32]| raw[at..].iter().step_by(n).copied().collect();
-    Some(match picture {
-        DynamicImage::ImageLuma8(p) => of_bytes(p),
-        DynamicImage::ImageLumaA8(p) => of_bytes(p),
-        DynamicImage::ImageRgb8(p) => of_bytes(p),
-        DynamicImage::ImageRgba8(p) => of_bytes(p),
-        DynamicImage::ImageLuma16(p) => of_words(p),
-        DynamicImage::ImageLumaA16(p) => of_words(p),
-        DynamicImage::ImageRgb16(p) => of_words(p),
-        DynamicImage::ImageRgba16(p) => of_words(p),
-        DynamicImage::ImageRgb32F(p) => of_floats(p),
-        DynamicImage::ImageRgba32F(p) => of_floats(p),
-        _ => return None,
-    })
 }
 
 #[cfg(test)]

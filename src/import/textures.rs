@@ -1,6 +1,6 @@
 //! A set of textures that another program reads, back as Ward widths and directions.
 
-use super::numbers::Numbers;
+use super::numbers::{Numbers, Plane};
 use crate::convention::textures::{Convention, Encoding, Leads, Widths};
 use crate::error::{Error, Result};
 use crate::map::{AnisoMap, DEFAULT_TEXEL, Mended, Size, Texel, Wrap};
@@ -55,6 +55,9 @@ pub struct Textures {
     #[serde(default)]
     pub convention: Convention,
 }
+
+/// Texels that one thread converts at once.
+const PART: usize = 1 << 14;
 
 /// The longest name of a file or channel, in bytes.
 const NAME_MAX: usize = 1024;
@@ -147,48 +150,57 @@ impl Textures {
         mut find: impl FnMut(&str, &str) -> Result<PathBuf>,
     ) -> Result<(AnisoMap, Mended)> {
         self.check()?;
-        let mut open: HashMap<PathBuf, Numbers> = HashMap::new();
-        let mut common: Option<(Size, PathBuf)> = None;
-        let mut plane = |key: &str, channel: &Option<Channel>| -> Result<Option<Vec<f32>>> {
-            let Some(channel) = channel else {
-                return Ok(None);
-            };
-            let path = find(key, &channel.file)?;
-            if !open.contains_key(&path) {
-                open.insert(path.clone(), Numbers::open(&path)?);
-            }
-            let numbers = &open[&path];
-            let (size, other) = common.get_or_insert_with(|| (numbers.size(), path.clone()));
-            if *size != numbers.size() {
-                return Err(differ(&path, numbers.size(), other, *size));
-            }
-            numbers.plane(&path, &channel.channel).map(Some)
-        };
-        let planes = [
-            plane("first.file", &self.first)?,
-            plane("second.file", &self.second)?,
-            plane("direction.file", &self.direction)?,
-            plane("direction_v.file", &self.direction_v)?,
+        let slots = [
+            ("first.file", &self.first),
+            ("second.file", &self.second),
+            ("direction.file", &self.direction),
+            ("direction_v.file", &self.direction_v),
         ];
-        drop(open);
+        let mut paths = Vec::new();
+        let mut open: HashMap<PathBuf, Numbers> = HashMap::new();
+        for (key, channel) in slots {
+            let path = channel.as_ref().map(|c| find(key, &c.file)).transpose()?;
+            if let Some(path) = path.as_ref().filter(|path| !open.contains_key(*path)) {
+                let numbers = Numbers::open(path)?;
+                open.insert(path.clone(), numbers);
+            }
+            paths.push(path);
+        }
+        let mut common: Option<(Size, &Path)> = None;
+        for path in paths.iter().flatten() {
+            let size = open[path].size();
+            let (want, other) = *common.get_or_insert((size, path));
+            if size != want {
+                return Err(differ(path, size, other, want));
+            }
+        }
+        let plane = |n: usize| -> Result<Option<Plane<'_>>> {
+            match (&paths[n], slots[n].1) {
+                (Some(path), Some(c)) => open[path].channel(path, &c.channel).map(Some),
+                _ => Ok(None),
+            }
+        };
+        let planes = [plane(0)?, plane(1)?, plane(2)?, plane(3)?];
         let (size, _) = common.expect("a checked set has a file");
         AnisoMap::from_planes(size, wrap, self.convert(size, &planes))
     }
 
-    fn convert(&self, size: Size, planes: &[Option<Vec<f32>>; 4]) -> [Vec<f32>; 4] {
-        let of = |i: usize| self.texel(planes.each_ref().map(|p| p.as_ref().map(|p| p[i])));
-        let texels: Vec<Texel> = (0..size.texels())
-            .into_par_iter()
-            .with_min_len(1 << 12)
-            .map(of)
-            .collect();
-        let plane = |of: fn(&Texel) -> f32| texels.iter().map(of).collect();
-        [
-            plane(|t| t.alpha_x),
-            plane(|t| t.alpha_y),
-            plane(|t| t.axis.cos2),
-            plane(|t| t.axis.sin2),
-        ]
+    /// Part by part, so that no number is held twice but those of the map and of the pictures.
+    fn convert(&self, size: Size, planes: &[Option<Plane<'_>>; 4]) -> [Vec<f32>; 4] {
+        let texels = size.texels();
+        let mut made = [(); 4].map(|()| vec![0.0f32; texels]);
+        let [x, y, cos2, sin2] = made.each_mut().map(|plane| plane.par_chunks_mut(PART));
+        let parts = x.zip(y).zip(cos2).zip(sin2);
+        parts.enumerate().for_each(|(n, (((x, y), cos2), sin2))| {
+            for j in 0..x.len() {
+                let i = n * PART + j;
+                let of = |plane: &Option<Plane<'_>>| plane.as_ref().map(|p| p.number(i));
+                let texel = self.texel(planes.each_ref().map(of));
+                (x[j], y[j]) = (texel.alpha_x, texel.alpha_y);
+                (cos2[j], sin2[j]) = (texel.axis.cos2, texel.axis.sin2);
+            }
+        });
+        made
     }
 
     /// The texel that stored numbers tell: first, second, and the direction's two.
