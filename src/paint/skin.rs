@@ -125,6 +125,11 @@ impl Skin {
         self.body.mesh()
     }
 
+    /// The mesh.
+    pub(crate) fn body(&self) -> &Arc<Body> {
+        &self.body
+    }
+
     /// Whether this is that mesh as a map of that surface lies on it.
     pub fn is_of(&self, body: &Arc<Body>, surface: &Surface) -> bool {
         Arc::ptr_eq(&self.body, body) && self.ground == Ground::new(surface)

@@ -1,8 +1,12 @@
 //! A recipe to a map, in two steps: [`Recipe::prepare`] does once what needs the whole; [`Prepared::fill`] is pure and
 //! gives for any rectangle exactly what the whole would.
 
+use super::image::Laid;
 use super::layer::{Blend, below, derived_seed};
-use super::{Channels, Files, Layer, Mask, MaskSource, Recipe, Source};
+use super::shelf::Shelf;
+use super::{
+    Channels, Files, Layer, LeftOut, Mask, MaskSource, Recipe, Source, Stamp, file_of_mesh,
+};
 use crate::coverage::DrawnMask;
 use crate::error::{Error, Result};
 use crate::map::{
@@ -94,52 +98,8 @@ pub struct Prepared {
     layers: Vec<PreparedLayer>,
     adjust: Option<Turned>,
     shelf: Shelf,
-}
-
-/// The meshes that strokes lie on, read and prepared once for all layers.
-#[derive(Clone, Default)]
-struct Shelf {
-    /// By the words of recipes.
-    bodies: Vec<(String, Arc<Body>)>,
-    skins: Vec<Arc<Skin>>,
-}
-
-impl Shelf {
-    fn body(&mut self, key: &str, word: &str, files: &Files) -> Result<Arc<Body>> {
-        if let Some((_, body)) = self.bodies.iter().find(|(known, _)| known == word) {
-            return Ok(Arc::clone(body));
-        }
-        let body = Arc::new(Body::new(Arc::new(files.mesh(key, word)?))?);
-        self.bodies.push((word.to_owned(), Arc::clone(&body)));
-        Ok(body)
-    }
-
-    fn skin(
-        &mut self,
-        key: &str,
-        word: &str,
-        surface: &Surface,
-        files: &Files,
-    ) -> Result<Arc<Skin>> {
-        let body = self.body(key, word, files)?;
-        if let Some(skin) = self.skins.iter().find(|s| s.is_of(&body, surface)) {
-            return Ok(Arc::clone(skin));
-        }
-        let skin = Arc::new(Skin::new(body, surface));
-        self.skins.push(Arc::clone(&skin));
-        Ok(skin)
-    }
-
-    /// Lets go of what a recipe's map of a surface has no use for.
-    fn tidy(&mut self, recipe: &Recipe, surface: &Surface) {
-        let strokes = recipe.layers.iter().flat_map(Layer::all_strokes);
-        let words: Vec<&String> = strokes.filter_map(|s| s.mesh.as_ref()).collect();
-        self.bodies
-            .retain(|(word, _)| recipe.mesh.as_ref() == Some(word) || words.contains(&word));
-        let bodies = &self.bodies;
-        self.skins
-            .retain(|s| bodies.iter().any(|(_, b)| s.is_of(b, surface)));
-    }
+    /// What of the recipe is not there.
+    left_out: Vec<LeftOut>,
 }
 
 #[derive(Clone)]
@@ -163,9 +123,16 @@ struct Origin {
     surface: Surface,
     /// The recipe's mesh, where strokes lie on it.
     mesh: Option<String>,
+    /// Those of all files that it is made of.
+    stamps: Vec<Option<Stamp>>,
 }
 
 impl Origin {
+    /// Whether it has the mesh and the files, as they are, of another one.
+    fn is_made_of(&self, other: &Self) -> bool {
+        self.mesh == other.mesh && self.stamps == other.stamps
+    }
+
     /// Whether it has strokes on the mesh of that word.
     fn lies_on(&self, word: &str) -> bool {
         let own = match &self.source {
@@ -221,11 +188,11 @@ impl Recipe {
     /// As [`Recipe::check`], when a file that it names may not or cannot be read, and [`crate::Error::Cancelled`] when
     /// `progress`, which is asked before each layer and mask, says so.
     pub fn prepare(&self, size: Size, files: &Files, progress: &Progress<'_>) -> Result<Prepared> {
-        self.prepare_from(None, size, files, progress)
+        self.prepare_from(None, false, size, files, progress)
     }
 
     /// As [`Recipe::prepare`], with the sources and masks taken over from `before` that are as they were there: after a change
-    /// of one layer only that one is prepared. Files that they were read from are not looked at again.
+    /// of one layer only that one is prepared. Files that were written anew since are read anew.
     ///
     /// # Errors
     /// As [`Recipe::prepare`].
@@ -236,12 +203,28 @@ impl Recipe {
         files: &Files,
         progress: &Progress<'_>,
     ) -> Result<Prepared> {
-        self.prepare_from(Some(before), size, files, progress)
+        self.prepare_from(Some(before), false, size, files, progress)
+    }
+
+    /// As [`Recipe::prepare_after`], without the layers of which a file is missing or cannot be read: those are told by
+    /// [`Prepared::left_out`]. To be looked at, not to be written to files.
+    ///
+    /// # Errors
+    /// As [`Recipe::prepare`], but for files of layers.
+    pub fn prepare_readable(
+        &self,
+        before: &Prepared,
+        size: Size,
+        files: &Files,
+        progress: &Progress<'_>,
+    ) -> Result<Prepared> {
+        self.prepare_from(Some(before), true, size, files, progress)
     }
 
     fn prepare_from(
         &self,
         before: Option<&Prepared>,
+        is_lenient: bool,
         size: Size,
         files: &Files,
         progress: &Progress<'_>,
@@ -258,21 +241,34 @@ impl Recipe {
         let shown = layers.filter(|(_, l)| l.visible && l.opacity > 0.0);
         let adjust = self.adjust;
         let mut shelf = before.map_or_else(Shelf::default, |b| b.shelf.clone());
-        shelf.tidy(self, &surface);
+        shelf.tidy(self);
         let before = before.map_or(&[][..], |b| &b.layers);
         let mut around = Around {
             before,
             mesh: self.mesh.as_deref(),
+            most: Size::new(
+                size.width().max(self.size.width()),
+                size.height().max(self.size.height()),
+            )?,
             shelf: &mut shelf,
             files,
             progress,
         };
-        let layers = shown.map(|(i, layer)| prepare_layer((i, layer), &surface, &mut around));
-        let layers = layers.collect::<Result<_>>()?;
+        let (mut layers, mut left_out) = (Vec::new(), Vec::new());
+        for (i, layer) in shown {
+            match prepare_layer((i, layer), &surface, &mut around) {
+                Ok(prepared) => layers.push(prepared),
+                Err(error) if is_lenient => {
+                    left_out.push(LeftOut::because(layer, around.mesh, files, error)?);
+                }
+                Err(error) => return Err(error),
+            }
+        }
         Ok(Prepared {
             surface,
             layers,
             shelf,
+            left_out,
             adjust: (adjust != super::Adjust::default()).then(|| Turned {
                 alpha_x: adjust.alpha_x,
                 alpha_y: adjust.alpha_y,
@@ -347,9 +343,20 @@ struct Around<'a> {
     before: &'a [PreparedLayer],
     /// The recipe's mesh.
     mesh: Option<&'a str>,
+    /// The largest map that is made of the recipe, for what is read once for all.
+    most: Size,
     shelf: &'a mut Shelf,
     files: &'a Files,
     progress: &'a Progress<'a>,
+}
+
+impl Around<'_> {
+    /// Those of the files that a layer is made of.
+    fn stamps(&self, layer: &Layer) -> Vec<Option<Stamp>> {
+        let mesh = self.mesh.filter(|_| layer.needs_mesh());
+        let names = layer.files().into_iter().chain(mesh.and_then(file_of_mesh));
+        names.map(|name| self.files.stamp(name)).collect()
+    }
 }
 
 fn prepare_layer(
@@ -371,11 +378,12 @@ fn prepare_layer(
             .mesh
             .filter(|_| layer.needs_mesh())
             .map(str::to_owned),
+        stamps: around.stamps(layer),
     };
     let before = around.before;
     let alike = || before.iter().filter(|old| old.of.surface == own);
-    let source = alike().find(|old| old.of.source == of.source && old.of.mesh == of.mesh);
-    let mask = alike().find(|old| old.of.mask == of.mask && old.of.mesh == of.mesh);
+    let source = alike().find(|old| old.of.source == of.source && old.of.is_made_of(&of));
+    let mask = alike().find(|old| old.of.mask == of.mask && old.of.is_made_of(&of));
     let (source, mended) = match source {
         Some(old) => (old.source.clone(), old.mended),
         None => prepare_source(at, &layer.source, &own, around)?,
@@ -412,9 +420,11 @@ fn prepare_source(
     let fill: Arc<dyn Fill> = match source {
         Source::Pattern(p) => p.prepare(own)?.into(),
         Source::Image(image) => {
-            let laid = image.prepare(&format!("{key}.image"), own, around.files)?;
-            mended = laid.mended;
-            Arc::new(laid)
+            let key = format!("{key}.image");
+            let size = (own.wrap, around.most);
+            let read = around.shelf.picture(&key, image, size, around.files)?;
+            mended = read.mended;
+            Arc::new(Laid::new(&read, own.size)?)
         }
         Source::Stored(stored) => {
             Arc::new(stored.prepare(&format!("{key}.stored"), own, around.files)?)
@@ -552,22 +562,34 @@ impl Prepared {
         self.surface.size
     }
 
-    /// The same, which knows a mesh of the recipe by the word for it: [`Recipe::prepare_after`] does not read it again.
+    /// The layers that were left out because of their files: see [`Recipe::prepare_readable`].
+    pub fn left_out(&self) -> &[LeftOut] {
+        &self.left_out
+    }
+
+    /// The same, which has what another one read of files: [`Recipe::prepare_after`] does not read that again.
     #[must_use]
-    pub fn with_mesh(mut self, word: &str, body: &Arc<Body>) -> Self {
-        if self.mesh(word).is_some_and(|old| !Arc::ptr_eq(old, body)) {
-            // Its file was read anew: what lies on the old one is to be made anew.
-            self.layers.retain(|layer| !layer.of.lies_on(word));
-        }
-        self.shelf.bodies.retain(|(known, _)| known != word);
-        self.shelf.bodies.push((word.to_owned(), Arc::clone(body)));
+    pub fn with_files_of(mut self, other: &Self) -> Self {
+        self.shelf = other.shelf.clone();
         self
     }
 
-    /// The mesh of that word, where it is known.
-    pub fn mesh(&self, word: &str) -> Option<&Arc<Body>> {
-        let found = self.shelf.bodies.iter().find(|(known, _)| known == word);
-        found.map(|(_, body)| body)
+    /// The same, which knows a mesh of the recipe by the word for it, as its file was with that stamp: [`Recipe::prepare_after`]
+    /// does not read it again.
+    #[must_use]
+    pub fn with_mesh(mut self, word: &str, stamp: Option<Stamp>, body: &Arc<Body>) -> Self {
+        let old = self.shelf.any(word);
+        if old.is_some_and(|old| !Arc::ptr_eq(old, body)) {
+            // Its file was read anew: what lies on the old one is to be made anew.
+            self.layers.retain(|layer| !layer.of.lies_on(word));
+        }
+        self.shelf.keep(word, stamp, body);
+        self
+    }
+
+    /// The mesh of that word, where it is known as its file was with that stamp.
+    pub fn mesh(&self, word: &str, stamp: Option<Stamp>) -> Option<&Arc<Body>> {
+        self.shelf.known(word, stamp)
     }
 
     /// A mesh as this map lies on it, for strokes that are to be painted there; kept for those that come after.

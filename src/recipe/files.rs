@@ -1,7 +1,7 @@
 //! The files that a recipe names: only from its own folder, unless the user says otherwise. A recipe may come from a
 //! stranger, and must not make somebody's private picture part of a map that is passed on.
 
-use super::{Layer, Mask, MaskSource, Recipe, Source, unknown_word};
+use super::{Layer, Mask, MaskSource, Recipe, Source, Stamp, unknown_word};
 use crate::error::{Error, Result};
 use crate::mesh::{self, Mesh, Projection};
 use std::collections::BTreeMap;
@@ -61,6 +61,18 @@ impl Files {
     }
 }
 
+impl Files {
+    /// By what a file that the recipe names is known to be as it was; `None` when it is not there, or may not be named.
+    pub fn stamp(&self, name: &str) -> Option<Stamp> {
+        Stamp::of(&self.resolve("file", name).ok()?)
+    }
+
+    /// The same of the file that a word for a mesh means; `None` for a built-in one, too.
+    pub fn stamp_of_mesh(&self, word: &str) -> Option<Stamp> {
+        self.stamp(file_of_mesh(word)?)
+    }
+}
+
 /// The real path of a file that is there.
 fn found(key: &str, name: &str, path: &Path) -> Result<PathBuf> {
     path.canonicalize().map_err(|e| {
@@ -80,7 +92,7 @@ pub(crate) fn is_path(word: &str) -> bool {
 }
 
 /// Whether a name leads out of the folder by its words alone.
-pub(super) fn leaves_folder(name: &str) -> bool {
+pub(crate) fn leaves_folder(name: &str) -> bool {
     let leaves = |c| !matches!(c, Component::Normal(_) | Component::CurDir);
     Path::new(name).components().any(leaves)
 }
@@ -123,6 +135,28 @@ pub fn seen_from(folder: &Path, file: &Path) -> Result<String> {
     }
 }
 
+/// Gives every file that a layer names another name.
+pub(crate) fn rename_files(layer: &mut Layer, mut rename: impl FnMut(&mut String)) {
+    match &mut layer.source {
+        Source::Image(image) => image.files_mut().for_each(&mut rename),
+        Source::Stored(stored) => stored.files_mut().for_each(&mut rename),
+        Source::Strokes(_) | Source::Pattern(_) | Source::Guides(_) => {}
+    }
+    for strokes in layer.all_strokes_mut() {
+        rename_mesh(&mut strokes.mesh, &mut rename);
+    }
+}
+
+/// Gives the file of a word for a mesh another name, unless it is a built-in one.
+pub(crate) fn rename_mesh(mesh: &mut Option<String>, mut rename: impl FnMut(&mut String)) {
+    if let Some(name) = mesh.as_mut().filter(|m| is_path(m)) {
+        let (file, projection) = Projection::split(name);
+        let mut file = file.to_owned();
+        rename(&mut file);
+        *name = Projection::join(&file, projection);
+    }
+}
+
 /// The way of a recipe from one folder to another, on which the files that it names stay where they are.
 #[derive(Clone, Debug)]
 pub(crate) struct Way {
@@ -156,14 +190,7 @@ impl Way {
 
     /// Renames every file that a layer names.
     pub(crate) fn of_layer(&self, layer: &mut Layer) {
-        match &mut layer.source {
-            Source::Image(image) => image.files_mut().for_each(|name| self.of_file(name)),
-            Source::Stored(stored) => stored.files_mut().for_each(|name| self.of_file(name)),
-            Source::Strokes(_) | Source::Pattern(_) | Source::Guides(_) => {}
-        }
-        for strokes in layer.all_strokes_mut() {
-            self.of_mesh(&mut strokes.mesh);
-        }
+        rename_files(layer, |name| self.of_file(name));
     }
 
     /// Renames the mesh that a painted mask lies on.
@@ -175,12 +202,7 @@ impl Way {
 
     /// Renames a mesh, unless it is a built-in one.
     pub(crate) fn of_mesh(&self, mesh: &mut Option<String>) {
-        if let Some(name) = mesh.as_mut().filter(|m| is_path(m)) {
-            let (file, projection) = Projection::split(name);
-            let mut file = file.to_owned();
-            self.of_file(&mut file);
-            *name = Projection::join(&file, projection);
-        }
+        rename_mesh(mesh, |name| self.of_file(name));
     }
 
     /// Where a file is that was named before the way.

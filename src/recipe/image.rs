@@ -2,14 +2,16 @@
 
 use super::Files;
 use super::layer::below;
+use super::shelf::{Read, within};
 use crate::error::{Error, Result};
 use crate::filter::reduce;
 use crate::import::Imported;
 use crate::import::exr::read_master;
 use crate::import::textures::Textures;
-use crate::map::{AnisoMap, Mended, RegionMut, Size};
-use crate::pattern::{Fill, Patch, Surface};
+use crate::map::{AnisoMap, Mended, RegionMut, Size, Wrap};
+use crate::pattern::{Fill, Patch};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// A finished map, laid over the whole map: a master EXR, or the textures of another program. One of the two is there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -78,12 +80,13 @@ impl Image {
         }
     }
 
-    fn read(&self, key: &str, surface: &Surface, files: &Files) -> Result<(AnisoMap, Mended)> {
+    /// Reads the files, which `key` names as the layer's table.
+    pub(super) fn read(&self, key: &str, wrap: Wrap, files: &Files) -> Result<(AnisoMap, Mended)> {
         match (&self.file, &self.textures) {
             (None, Some(textures)) => {
                 let key = format!("{key}.textures");
                 let find = |of: &str, name: &str| files.resolve(&format!("{key}.{of}"), name);
-                textures.read(surface.wrap, find)
+                textures.read(wrap, find)
             }
             (file, _) => {
                 let name = file.as_deref().unwrap_or_default();
@@ -93,41 +96,39 @@ impl Image {
             }
         }
     }
-
-    /// Reads the files, which `key` names as the layer's table, and makes them fit: a smaller map gets the mean lobes of what
-    /// its texels cover, a larger one blends between the file's texels.
-    pub(super) fn prepare(&self, key: &str, surface: &Surface, files: &Files) -> Result<Laid> {
-        let (map, mended) = self.read(key, surface, files)?;
-        let kept = Size::new(
-            map.width().min(surface.size.width()),
-            map.height().min(surface.size.height()),
-        )?;
-        Ok(Laid {
-            map: if kept == map.size() {
-                map
-            } else {
-                reduce(&map, kept)?
-            },
-            size: surface.size,
-            mended,
-        })
-    }
 }
 
-/// A prepared [`Image`]: a map of the surface's size, or smaller.
+/// An [`Image`] that was read, as a map of the surface's size, or smaller.
 pub(super) struct Laid {
-    map: AnisoMap,
+    read: Arc<Read>,
+    /// The mean lobes of what its texels cover, where the surface is smaller.
+    reduced: Option<AnisoMap>,
     size: Size,
-    /// What reading the file had to change.
-    pub(super) mended: Mended,
+}
+
+impl Laid {
+    /// Makes it fit: a smaller map gets the mean lobes of what its texels cover, a larger one blends between the file's texels.
+    pub(super) fn new(read: &Arc<Read>, size: Size) -> Result<Self> {
+        let kept = within(read.map.size(), size)?;
+        let reduced = (kept != read.map.size()).then(|| reduce(&read.map, kept));
+        Ok(Self {
+            read: Arc::clone(read),
+            reduced: reduced.transpose()?,
+            size,
+        })
+    }
+
+    fn map(&self) -> &AnisoMap {
+        self.reduced.as_ref().unwrap_or(&self.read.map)
+    }
 }
 
 impl Fill for Laid {
     fn fill(&self, patch: &mut Patch<'_>) {
         patch.coverage.fill(1.0);
         patch.value.fill(1.0);
-        if self.map.size() == self.size {
-            copy(&self.map, &mut patch.region);
+        if self.map().size() == self.size {
+            copy(self.map(), &mut patch.region);
         } else {
             self.sample(&mut patch.region);
         }
@@ -153,7 +154,7 @@ impl Laid {
         for y in rect.y..rect.y + rect.height {
             for x in rect.x..rect.x + rect.width {
                 let texel = self
-                    .map
+                    .map()
                     .sample((x as f32 + 0.5) / w, 1.0 - (y as f32 + 0.5) / h);
                 region.set(rect.index(x, y), texel);
             }
@@ -164,7 +165,7 @@ impl Laid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::{DEFAULT_TEXEL, Texel, Wrap};
+    use crate::map::{DEFAULT_TEXEL, Texel};
     use crate::math::Axis;
 
     /// Two columns: narrow and turned left, wide and straight right.
@@ -185,15 +186,8 @@ mod tests {
     }
 
     fn laid(map: AnisoMap, size: Size) -> AnisoMap {
-        let laid = Laid {
-            map: if size.width() < map.width() {
-                reduce(&map, size).unwrap()
-            } else {
-                map
-            },
-            size,
-            mended: Mended::default(),
-        };
+        let mended = Mended::default();
+        let laid = Laid::new(&Arc::new(Read { map, mended }), size).unwrap();
         let mut out = AnisoMap::constant(size, Wrap::Clamp, DEFAULT_TEXEL);
         let (mut coverage, mut value) = (vec![0.0; size.texels()], vec![0.0; size.texels()]);
         laid.fill(&mut Patch {

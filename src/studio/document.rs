@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::export::{real_path, write_atomic};
 use crate::map::Size;
 use crate::mesh;
-use crate::recipe::{BYTES_MAX, Files, Recipe, RecipeFile, Stamp, Way, name_from};
+use crate::recipe::{BYTES_MAX, Files, Recipe, RecipeFile, Stamp, Way, leaves_folder, name_from};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
@@ -24,6 +24,8 @@ pub struct Document {
     revision: u64,
     saved: u64,
     brought: Brought,
+    /// Whether the recipe may name files outside its folder.
+    allow_outside: bool,
 }
 
 impl Document {
@@ -37,6 +39,7 @@ impl Document {
             revision: 0,
             saved: 0,
             brought: Brought::new(),
+            allow_outside: false,
         }
     }
 
@@ -115,7 +118,24 @@ impl Document {
 
     /// Where the recipe's own files are looked for.
     pub fn files(&self) -> Files {
-        self.file.files(false)
+        self.file.files(self.allow_outside)
+    }
+
+    /// The files that the recipe names and may not, since they lie outside its folder; each once.
+    pub(super) fn outside_files(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        if !self.allow_outside {
+            let outside = self.recipe.files().filter(|name| leaves_folder(name));
+            names.extend(outside.map(str::to_owned));
+        }
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
+    /// Lets the recipe name files outside its folder from now on.
+    pub(super) fn allow_outside(&mut self) {
+        self.allow_outside = true;
     }
 
     /// The recipe as it is now, at another size, as what its files are made of.

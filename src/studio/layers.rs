@@ -2,8 +2,11 @@
 
 use super::{DEFAULT_MESH, Edit, Header, LayerHead, Studio};
 use crate::error::{Error, Result};
+use crate::import::textures::Textures;
 use crate::paint::{Strokes, Tool};
-use crate::recipe::{Channels, Layer, Mask, MaskSource, Recipe, Source};
+use crate::recipe::{
+    Channels, Image, Layer, Mask, MaskSource, Recipe, Source, rename_files, rename_mesh,
+};
 
 /// A name that no layer of a recipe has: `base`, or `base 2` and so on.
 pub fn free_name(recipe: &Recipe, base: &str) -> String {
@@ -243,6 +246,59 @@ impl Studio {
         });
         edits.push(Edit::SetHeader { header });
         self.edit("Mesh", edits, None)
+    }
+
+    /// Puts another file in the place of one wherever the recipe names that, as one step: one that was moved, or lost.
+    ///
+    /// # Errors
+    /// When the recipe may not name it.
+    pub fn replace_file(&mut self, old: &str, new: &str) -> Result<()> {
+        let rename = |name: &mut String| {
+            if name == old {
+                new.clone_into(name);
+            }
+        };
+        let mut edits = Vec::new();
+        for (at, layer) in self.recipe().layers.iter().enumerate() {
+            if layer.files().contains(&old) {
+                let mut layer = Box::new(layer.clone());
+                rename_files(&mut layer, rename);
+                edits.push(Edit::SetLayer { at, layer });
+            }
+        }
+        let mut mesh = self.recipe().mesh.clone();
+        rename_mesh(&mut mesh, rename);
+        if mesh != self.recipe().mesh {
+            let header = Box::new(Header {
+                mesh,
+                ..Header::of(self.recipe())
+            });
+            edits.push(Edit::SetHeader { header });
+        }
+        if edits.is_empty() {
+            return Ok(());
+        }
+        self.edit(&format!("Find file: {new}"), edits, None)
+    }
+
+    /// Says anew what the numbers of a layer's textures mean, and which they are, as one step.
+    ///
+    /// # Errors
+    /// When there is no such layer, or it is not of textures.
+    pub fn set_textures(&mut self, at: usize, textures: Textures) -> Result<()> {
+        let layer = self.layer(at)?;
+        if !matches!(&layer.source, Source::Image(image) if image.textures.is_some()) {
+            let allowed = "allowed: a layer of textures";
+            return Err(Error::invalid(
+                "the layer",
+                format!("`{}`", layer.name()),
+                allowed,
+            ));
+        }
+        self.seal();
+        self.set_source(at, "Convention", Source::Image(Image::of(textures)))?;
+        self.seal();
+        Ok(())
     }
 
     /// Gives a layer a mask to be painted on in the place of the one that it had, which shows it all or hides it all, and selects

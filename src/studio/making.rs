@@ -9,7 +9,7 @@ use crate::map::Size;
 use crate::mesh::Body;
 use crate::progress::Progress;
 use crate::raster::Geometry;
-use crate::recipe::{self, Recipe};
+use crate::recipe::{self, Files, LeftOut, Recipe, Stamp};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -19,6 +19,8 @@ use std::sync::mpsc::{Receiver, channel};
 pub(super) struct Shown {
     pub(super) revision: Option<u64>,
     pub(super) mesh: Option<String>,
+    /// That of the mesh's file when it was read.
+    pub(super) stamp: Option<Stamp>,
 }
 
 /// Work in the background.
@@ -29,6 +31,7 @@ pub(super) struct Job {
     pub(super) result: Receiver<Result<Made>>,
     revision: u64,
     mesh: String,
+    stamp: Option<Stamp>,
     /// Whether a draft of the map comes first, and is still to come.
     drafts: bool,
     /// Whether there were edits since: then it ends with the draft.
@@ -44,6 +47,17 @@ pub(super) struct Made {
     averages: view::Averages,
     /// A mesh other than the one that stands.
     body: Option<Shape>,
+    /// Why the mesh of the recipe is not shown.
+    no_mesh: Option<Arc<Error>>,
+}
+
+/// What a map is made of, beside the recipe.
+struct Ground {
+    files: Files,
+    before: recipe::Prepared,
+    /// A mesh that is to be shown with it.
+    body: Option<Shape>,
+    no_mesh: Option<Arc<Error>>,
 }
 
 /// A mesh to be looked at and to be drawn.
@@ -73,14 +87,16 @@ impl Studio {
         let recipe = self.shown_recipe().into_owned();
         let files = self.document.files();
         let mesh = self.mesh_name().to_owned();
-        let new_mesh = (self.shown.mesh.as_ref() != Some(&mesh)).then(|| mesh.clone());
+        let stamp = files.stamp_of_mesh(&mesh);
+        let stands = self.shown.mesh.as_ref() == Some(&mesh) && self.shown.stamp == stamp;
+        let new_mesh = (!stands).then(|| mesh.clone());
         let before = self.whole.as_ref().unwrap_or(self.canvas.stack()).clone();
         let before = match &self.shown.mesh {
-            Some(name) => before.with_mesh(name, &self.body),
+            Some(name) => before.with_mesh(name, self.shown.stamp, &self.body),
             None => before,
         };
-        let before = match self.known.take_if(|(word, _)| *word == mesh) {
-            Some((word, body)) => before.with_mesh(&word, &body),
+        let before = match self.known.take_if(|(word, ..)| *word == mesh) {
+            Some((word, stamp, body)) => before.with_mesh(&word, stamp, &body),
             None => before,
         };
         let draft = draft_size(&recipe);
@@ -93,31 +109,28 @@ impl Studio {
                     !stop.load(Ordering::Relaxed)
                 };
                 let progress = Progress::new(&report);
-                let mut before = before;
-                let mut body = None;
+                let mut ground = Ground {
+                    files,
+                    before,
+                    body: None,
+                    no_mesh: None,
+                };
                 if let Some(word) = new_mesh.as_deref() {
-                    match apart(|| open_mesh(word, &before, &files)) {
-                        Ok((new, geometry)) => {
-                            before = before.with_mesh(word, &new);
-                            body = Some((new, geometry));
-                        }
-                        Err(error) => {
-                            let _ = send.send(Err(error));
-                            return;
-                        }
-                    }
+                    apart(|| ground.open_mesh(word, stamp));
                 }
                 if let Some(size) = draft {
                     let none = Progress::none(); // so small that it is shown in any case
-                    let body = body.take();
-                    let made = apart(|| make(&recipe, (size, true), &files, &before, body, &none));
+                    let made = apart(|| ground.make(&recipe, (size, true), &none));
+                    if let Ok(made) = &made {
+                        ground.before = ground.before.with_files_of(&made.stack);
+                    }
                     let failed = made.is_err();
                     if send.send(made).is_err() || failed {
                         return;
                     }
                 }
                 let whole = (recipe.size, false);
-                let made = apart(|| make(&recipe, whole, &files, &before, body, &progress));
+                let made = apart(|| ground.make(&recipe, whole, &progress));
                 let _ = send.send(made); // nobody may be there any more
             }
         });
@@ -129,6 +142,7 @@ impl Studio {
                     result,
                     revision: self.document.revision(),
                     mesh,
+                    stamp,
                     drafts: draft.is_some(),
                     outdated: false,
                 });
@@ -152,9 +166,9 @@ impl Studio {
             return;
         };
         job.drafts = false;
-        let whole = self.canvas.stack().clone();
-        self.whole.get_or_insert(whole);
-        self.shown.mesh = Some(job.mesh.clone());
+        let whole = self.whole.take().unwrap_or(self.canvas.stack().clone());
+        self.whole = Some(whole.with_files_of(&made.stack));
+        self.show_mesh_of(&job, &made);
         self.show(made);
         if job.outdated {
             drop(job);
@@ -171,12 +185,10 @@ impl Studio {
         }
         match made {
             Ok(made) => {
+                self.show_mesh_of(&job, &made);
                 self.show(made);
                 self.whole = None;
-                self.shown = Shown {
-                    revision: Some(job.revision),
-                    mesh: Some(job.mesh.clone()),
-                };
+                self.shown.revision = Some(job.revision);
             }
             Err(Error::Cancelled) => {}
             Err(error) => {
@@ -187,7 +199,63 @@ impl Studio {
         }
     }
 
-    pub(super) fn show(&mut self, made: Made) {
+    /// What is shown is the mesh of that job, unless it could not be read.
+    fn show_mesh_of(&mut self, job: &Job, made: &Made) {
+        if made.no_mesh.is_none() {
+            self.shown.mesh = Some(job.mesh.clone());
+            self.shown.stamp = job.stamp;
+        }
+    }
+
+    /// The layer of a name that the map is shown without, because of its files.
+    pub fn left_out(&self, layer: &str) -> Option<&LeftOut> {
+        let all = self.canvas.stack().left_out();
+        all.iter().find(|left| left.layer == layer)
+    }
+
+    /// Why the mesh of the recipe is not the one that is shown, once that is known.
+    pub fn no_mesh(&self) -> Option<&Error> {
+        self.no_mesh.as_deref()
+    }
+
+    /// Tells of the mesh and of layers that are not shown, each when it begins. What lies outside the recipe's folder is left
+    /// for the user to be asked about.
+    fn tell_left_out(&mut self) {
+        let mut told = Vec::new();
+        for left in self
+            .canvas
+            .stack()
+            .left_out()
+            .iter()
+            .filter(|l| !l.is_outside)
+        {
+            let what = format!("the layer `{}`", left.layer);
+            told.push(
+                Error::invalid(what, "not shown", left.reason.clone())
+                    .with_hint("Its properties find the file again"),
+            );
+        }
+        if let Some(error) = &self.no_mesh
+            && !self.outside_files().iter().any(|f| f == self.mesh_name())
+        {
+            let what = format!("the mesh `{}`", self.mesh_name());
+            told.push(
+                Error::invalid(what, "not shown", error.to_string())
+                    .with_hint("The properties of the document find the file again"),
+            );
+        }
+        let before = std::mem::take(&mut self.told);
+        for error in told {
+            let text = error.to_string();
+            if !before.contains(&text) {
+                self.trouble.push(error);
+            }
+            self.told.push(text);
+        }
+    }
+
+    fn show(&mut self, made: Made) {
+        self.no_mesh = made.no_mesh.clone();
         let moved = made.body.is_some();
         self.queue.stop();
         let subject = self.subject_mut();
@@ -204,6 +272,7 @@ impl Studio {
         self.behind.clear();
         self.dirty.clear();
         self.new_map = true;
+        self.tell_left_out();
     }
 
     /// Whether [`Studio::map`] is a draft: the whole map, but of fewer texels than the recipe says, until that is there.
@@ -245,33 +314,45 @@ fn draft_size(recipe: &Recipe) -> Option<Size> {
         .find(|size| size.texels() <= DRAFT[1])
 }
 
-/// The map of a recipe, with what is kept of the stack before where layers are the same.
-fn make(
-    recipe: &Recipe,
-    (size, is_draft): (Size, bool),
-    files: &recipe::Files,
-    before: &recipe::Prepared,
-    body: Option<Shape>,
-    progress: &Progress<'_>,
-) -> Result<Made> {
-    let stack = recipe.prepare_after(before, size, files, progress)?;
-    let map = stack.map(progress)?;
-    progress.check()?;
-    Ok(Made {
-        is_draft,
-        stack,
-        averages: view::Averages::new(&map),
-        pyramid: Pyramid::new(map),
-        body,
-    })
-}
+impl Ground {
+    /// The map of a recipe, with what is kept of the stack before where layers are the same, and without the layers whose files
+    /// cannot be read.
+    fn make(
+        &mut self,
+        recipe: &Recipe,
+        (size, is_draft): (Size, bool),
+        progress: &Progress<'_>,
+    ) -> Result<Made> {
+        let (before, files) = (&self.before, &self.files);
+        let stack = recipe.prepare_readable(before, size, files, progress)?;
+        let map = stack.map(progress)?;
+        progress.check()?;
+        Ok(Made {
+            is_draft,
+            stack,
+            averages: view::Averages::new(&map),
+            pyramid: Pyramid::new(map),
+            body: self.body.take(),
+            no_mesh: self.no_mesh.clone(),
+        })
+    }
 
-/// The mesh that a recipe names, or the one that is known by that name.
-fn open_mesh(word: &str, known: &recipe::Prepared, files: &recipe::Files) -> Result<Shape> {
-    let body = match known.mesh(word) {
-        Some(body) => Arc::clone(body),
-        None => Arc::new(Body::new(Arc::new(files.mesh("mesh", word)?))?),
-    };
-    let geometry = Geometry::new(Arc::clone(body.mesh()))?;
-    Ok((body, geometry))
+    /// The mesh that a recipe names, or the one that is known by that name. Where it cannot be read the one before stands.
+    fn open_mesh(&mut self, word: &str, stamp: Option<Stamp>) {
+        let open = || -> Result<Shape> {
+            let body = match self.before.mesh(word, stamp) {
+                Some(body) => Arc::clone(body),
+                None => Arc::new(Body::new(Arc::new(self.files.mesh("mesh", word)?))?),
+            };
+            let geometry = Geometry::new(Arc::clone(body.mesh()))?;
+            Ok((body, geometry))
+        };
+        match open() {
+            Ok((body, geometry)) => {
+                self.before = self.before.clone().with_mesh(word, stamp, &body);
+                self.body = Some((body, geometry));
+            }
+            Err(error) => self.no_mesh = Some(Arc::new(error)),
+        }
+    }
 }

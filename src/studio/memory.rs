@@ -1,7 +1,8 @@
 //! What a map takes of memory, told before it is taken.
 
+use crate::import::numbers;
 use crate::map::Size;
-use crate::recipe::Recipe;
+use crate::recipe::{Files, Image, Recipe, Source};
 
 /// Bytes a texel of the map: its planes, the same side by side (up to 4096x4096), the levels over it, and the canvas's own.
 const MAP: u64 = 16;
@@ -38,7 +39,20 @@ pub fn bytes_free() -> Option<u64> {
 /// What to tell before a map is made that takes much of the memory there is; `None` where there is nothing to tell: it takes
 /// less than a gibibyte, or less than half of what is free.
 pub fn memory_warning(recipe: &Recipe, size: Size, free: Option<u64>) -> Option<String> {
-    let needed = bytes_needed(recipe, size);
+    warning(size, bytes_needed(recipe, size), free)
+}
+
+/// The same of a recipe as it is, with the pictures that its layers read.
+pub fn document_warning(recipe: &Recipe, files: &Files, free: Option<u64>) -> Option<String> {
+    let pictures = pictures_bytes(recipe, files);
+    warning(
+        recipe.size,
+        bytes_needed(recipe, recipe.size) + pictures,
+        free,
+    )
+}
+
+fn warning(size: Size, needed: u64, free: Option<u64>) -> Option<String> {
     let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
     if needed < 1 << 30 || free.is_some_and(|free| needed <= free / 2) {
         return None;
@@ -73,6 +87,53 @@ pub fn mesh_warning(triangles: usize, free: Option<u64>) -> Option<String> {
     ))
 }
 
+/// Bytes a texel of a finished map, as it is read and reduced.
+const PICTURE: u64 = 24;
+
+/// Bytes that a picture of so many channels takes while it is read, and the map that is made of it: its numbers have at most
+/// four bytes each.
+fn picture_bytes(size: Size, channels: usize) -> u64 {
+    size.texels() as u64 * (PICTURE + 4 * channels as u64)
+}
+
+/// What to tell before a picture is read that takes more than half of the memory that is free; `None` where it takes less, or
+/// the system does not tell what is free.
+pub fn picture_warning(size: Size, channels: usize, free: Option<u64>) -> Option<String> {
+    let needed = picture_bytes(size, channels);
+    let free = free.filter(|free| needed > free / 2)?;
+    let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+    Some(format!(
+        "To read it takes about {:.1} GiB of memory; {:.1} GiB are free. A smaller picture may show the same.",
+        gib(needed),
+        gib(free)
+    ))
+}
+
+/// About how many bytes the pictures of a recipe's visible layers take, by what the files say of themselves. Those that cannot
+/// be read take none.
+pub fn pictures_bytes(recipe: &Recipe, files: &Files) -> u64 {
+    let shown = recipe.layers.iter().filter(|l| l.visible);
+    let images = shown.filter_map(|l| match &l.source {
+        Source::Image(image) => Some(image),
+        _ => None,
+    });
+    let of_file = |name: &String| {
+        let path = files.resolve("file", name).ok()?;
+        let about = numbers::about(&path).ok()?;
+        Some((about.size, about.channels.len()))
+    };
+    let of_image = |image: &Image| {
+        let mut names: Vec<&String> = image.files().collect();
+        names.sort_unstable();
+        names.dedup();
+        let all: Vec<_> = names.into_iter().filter_map(of_file).collect();
+        let channels = all.iter().map(|(_, n)| n).sum();
+        all.first()
+            .map_or(0, |(size, _)| picture_bytes(*size, channels))
+    };
+    images.map(of_image).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -94,6 +155,25 @@ mod tests {
             "{told}"
         );
         assert!(memory_warning(&recipe, size(16384), None).is_some());
+    }
+
+    #[test]
+    fn pictures_count_by_what_they_say_of_themselves() {
+        let folder = tempfile::tempdir().unwrap();
+        let size = Size::new(4096, 4096).unwrap();
+        image::GrayImage::new(4096, 4096)
+            .save(folder.path().join("r.png"))
+            .unwrap();
+        let text = "version = 1\nsize = 64\n[[layers]]\n[layers.image.textures]\nfirst.file = 'r.png'\nsecond.file = 'r.png'\n";
+        let file = crate::recipe::RecipeFile::parse(text, "a.toml", Some(folder.path().to_owned()));
+        let file = file.unwrap();
+        let (recipe, files) = (file.recipe(), file.files(false));
+        assert_eq!(pictures_bytes(recipe, &files), size.texels() as u64 * 28);
+        assert_eq!(pictures_bytes(recipe, &Files::default()), 0);
+        assert!(picture_warning(size, 1, Some(1 << 30)).is_none());
+        assert!(picture_warning(size, 16, Some(1 << 30)).is_some());
+        let tight = document_warning(recipe, &files, Some(1 << 30));
+        assert!(tight.is_none(), "less than a gibibyte is not told");
     }
 
     #[test]

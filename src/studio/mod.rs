@@ -39,7 +39,10 @@ pub use edit::{Edit, Header, LayerHead, Touched};
 pub use history::{History, Step};
 pub use journal::{Base, Journal, LeftBehind, left_behind};
 pub use layers::free_name;
-pub use memory::{bytes_free, bytes_needed, memory_warning, mesh_warning};
+pub use memory::{
+    bytes_free, bytes_needed, document_warning, memory_warning, mesh_warning, picture_warning,
+    pictures_bytes,
+};
 pub use pick::{Hit, pick};
 pub use ready::CoverageOrder;
 pub use viewport::{Quality, Show, Viewport};
@@ -51,7 +54,7 @@ use crate::map::{AnisoMap, DEFAULT_TEXEL, Rect, Size, Wrap};
 use crate::mesh::{self, Body, Mesh};
 use crate::preview::{Prepared, Scene, Timings};
 use crate::progress::Progress;
-use crate::recipe::{self, Recipe, RecipeFile};
+use crate::recipe::{self, Recipe, RecipeFile, Stamp};
 use canvas::Canvas;
 use keeper::Keeper;
 use making::{Job, Shown, broken_off};
@@ -113,7 +116,11 @@ pub struct Studio {
     /// The subject's mesh.
     body: Arc<Body>,
     /// A mesh that was read already.
-    known: Option<(String, Arc<Body>)>,
+    known: Option<(String, Option<Stamp>, Arc<Body>)>,
+    /// Why the mesh of the recipe is not shown.
+    no_mesh: Option<Arc<Error>>,
+    /// What was told of layers and a mesh that are not shown.
+    told: Vec<String>,
     /// Of the map, while it is new.
     averages: Option<view::Averages>,
     scene: Scene,
@@ -173,6 +180,8 @@ impl Studio {
             subject: Arc::new(subject),
             body,
             known: None,
+            no_mesh: None,
+            told: Vec::new(),
             averages: None,
             viewport: Viewport::new(Size::new(1, 1)?),
             timings,
@@ -231,7 +240,8 @@ impl Studio {
     /// A mesh that was read already, by the word for it: it is not read again when it is to be shown. Where it is shown, as
     /// its file was read before, it takes the place of that.
     pub fn know_mesh(&mut self, word: &str, body: Arc<Body>) {
-        self.known = Some((word.to_owned(), body));
+        let stamp = self.document.files().stamp_of_mesh(word);
+        self.known = Some((word.to_owned(), stamp, body));
         if self.shown.mesh.as_deref() == Some(word) {
             self.shown.mesh = None;
             self.work();

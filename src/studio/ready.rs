@@ -4,12 +4,12 @@
 //! triangles all of them sorted. The pen does not wait: its points are kept, and painted as soon as they can be.
 
 use super::canvas::Ready;
-use super::{DEFAULT_MESH, Studio, apart, broken_off};
+use super::{Studio, apart, broken_off};
 use crate::error::{Error, Result};
 use crate::mesh::Body;
 use crate::paint::{Brush, POINTS_MAX, Point, SurfacePoint};
 use crate::progress::Progress;
-use crate::recipe::{self, Files, Recipe};
+use crate::recipe::{self, Files, Recipe, Stamp};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -81,7 +81,7 @@ struct Order {
     files: Files,
     before: recipe::Prepared,
     /// The mesh that is shown.
-    shown: (String, Arc<Body>),
+    shown: Option<(String, Option<Stamp>, Arc<Body>)>,
     /// What the recipe calls its own.
     mesh: String,
     ground: Ground,
@@ -90,13 +90,21 @@ struct Order {
 
 impl Order {
     fn carry_out(self, progress: &Progress<'_>) -> Result<Ready> {
-        let (name, body) = &self.shown;
-        let before = self.before.with_mesh(name, body);
-        let size = before.size();
-        let files = &self.files;
-        let stack = self.recipe.prepare_after(&before, size, files, progress)?;
-        let mut stack = stack.with_mesh(name, body);
+        let with_mesh = |stack: recipe::Prepared| match &self.shown {
+            Some((name, stamp, body)) => stack.with_mesh(name, *stamp, body),
+            None => stack,
+        };
+        let before = with_mesh(self.before.clone());
+        let (size, files) = (before.size(), &self.files);
+        let stack = self
+            .recipe
+            .prepare_readable(&before, size, files, progress)?;
+        let mut stack = with_mesh(stack);
         let layer = &self.recipe.layers[self.ground.layer];
+        if let Some(left) = stack.left_out().iter().find(|l| l.layer == layer.name()) {
+            let allowed = "a layer whose files can be read";
+            return Err(not_to_paint_on(layer.name(), allowed, &left.reason));
+        }
         let strokes = layer
             .strokes(self.ground.mask)
             .expect("looked at before it was ordered");
@@ -247,9 +255,16 @@ impl Studio {
         if ground.on_mesh && self.shown.mesh.as_deref() != Some(shown) {
             let allowed = "allowed: the one that is shown";
             let error = Error::invalid("the mesh to paint on", format!("`{shown}`"), allowed);
-            return Some(error.with_hint("It is being loaded, or could not be"));
+            return Some(error.with_hint(match &self.no_mesh {
+                Some(why) => format!("It could not be read: {why}"),
+                None => "It is being loaded".to_owned(),
+            }));
         }
         let layer = self.recipe().layers.get(ground.layer);
+        if let Some(left) = layer.and_then(|l| self.left_out(l.name())) {
+            let allowed = "a layer whose files can be read";
+            return Some(not_to_paint_on(&left.layer, allowed, &left.reason));
+        }
         let Some(strokes) = layer.and_then(|l| l.strokes(ground.mask)) else {
             let value = layer.map_or("no layer", |l| l.name());
             let (allowed, hint) = match ground.mask {
@@ -274,13 +289,13 @@ impl Studio {
     }
 
     fn order(&self, ground: Ground) -> Order {
-        let shown = self.shown.mesh.as_deref().unwrap_or(DEFAULT_MESH);
+        let shown = self.shown.mesh.as_ref();
         Order {
             recipe: self.shown_recipe().into_owned(),
             files: self.document.files(),
             // While the map of another recipe is being worked out the canvas is of the size that is shown.
             before: self.canvas.stack().clone(),
-            shown: (shown.to_owned(), Arc::clone(&self.body)),
+            shown: shown.map(|name| (name.clone(), self.shown.stamp, Arc::clone(&self.body))),
             mesh: self.mesh_name().to_owned(),
             ground,
             budget: self.options.undo_bytes,

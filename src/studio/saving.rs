@@ -60,12 +60,29 @@ impl Studio {
             // The mesh that is shown may be called otherwise now.
             if is_shown {
                 self.shown.mesh = Some(self.mesh_name().to_owned());
+                self.shown.stamp = self.document.files().stamp_of_mesh(self.mesh_name());
             }
             self.work();
         }
         self.keeper.end();
         self.begin_journal();
         Ok(())
+    }
+
+    /// Shows what other programs made of the files that the recipe names; nothing where all are as they were.
+    pub fn read_files_again(&mut self) {
+        self.work();
+    }
+
+    /// The files that the recipe names and may not, since they lie outside its folder: see [`Studio::allow_outside`].
+    pub fn outside_files(&self) -> Vec<String> {
+        self.document.outside_files()
+    }
+
+    /// Lets this document's recipe name files outside its folder.
+    pub fn allow_outside(&mut self) {
+        self.document.allow_outside();
+        self.work();
     }
 
     /// Takes over the document's file as another program has made it, as one step of the history: work that the file does not

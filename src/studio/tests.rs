@@ -9,6 +9,8 @@ use glam::Vec2;
 use std::path::Path;
 use std::sync::mpsc::channel;
 
+mod files;
+
 const RECIPE: &str = "version = 1\nname = 'painted'\nsize = [320, 200]\naspect = 1.6\nseed = 5\n\
     [[layers]] # the base\nname = 'steel'\n[layers.brushed]\nangle = 20\n\
     [[layers]]\nname = 'paint'\nopacity = 0.8\n[layers.strokes]\npacked = []\nbrushes = []\n\

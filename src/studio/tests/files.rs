@@ -1,0 +1,205 @@
+//! Files that a recipe names: missing, moved, changed by other programs, outside its folder.
+
+use super::*;
+use crate::convention::MapInfo;
+use crate::export::Export;
+use crate::export::exr::{Precision, write_master};
+use crate::map::Texel;
+use crate::recipe::seen_from;
+use std::path::PathBuf;
+
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+
+const LAYERS: &str = "version = 1\nsize = 64\nmesh = 'square.obj'\n\
+    [[layers]]\nname = 'ground'\n[layers.constant]\n\
+    [[layers]]\nname = 'lake'\nopacity = 0.5\n[layers.image]\nfile = 'lake.exr'\n\
+    [[layers]]\nname = 'paint'\n[layers.strokes]\npacked = []\nbrushes = []\n";
+
+fn write_map(path: &Path, alpha: f32) {
+    let texel = Texel {
+        alpha_x: alpha,
+        ..DEFAULT_TEXEL
+    };
+    let map = AnisoMap::constant(Size::new(4, 4).unwrap(), Wrap::Repeat, texel);
+    let info = MapInfo::default();
+    write_master(path, &Export::new(&map, &info), Precision::Float).unwrap();
+}
+
+/// A folder with a recipe, a map and a mesh.
+fn folder() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    std::fs::write(&path, LAYERS).unwrap();
+    std::fs::write(folder.path().join("square.obj"), SQUARE).unwrap();
+    write_map(&folder.path().join("lake.exr"), 0.1);
+    (folder, path)
+}
+
+fn opened(path: &Path) -> Studio {
+    let file = RecipeFile::read(path).unwrap();
+    let mut studio = Studio::new(file, Some(path.to_owned()), Options::default()).unwrap();
+    studio.settle();
+    studio
+}
+
+fn made(studio: &Studio) -> Result<AnisoMap> {
+    let recipe = studio.recipe();
+    let (files, none) = (studio.document().files(), Progress::none());
+    recipe.prepare(recipe.size, &files, &none)?.map(&none)
+}
+
+#[test]
+fn a_layer_whose_file_is_missing_is_left_out_until_the_file_is_found() {
+    let (folder, path) = folder();
+    let lake = folder.path().join("lake.exr");
+    let whole = opened(&path).map().clone();
+    let moved = folder.path().join("moved.exr");
+    std::fs::rename(&lake, &moved).unwrap();
+    let mut studio = opened(&path);
+    // The rest is shown, and so is the mesh.
+    assert_eq!(studio.mesh().triangles.len(), 2);
+    assert!(*studio.map() != whole && studio.map().alpha_x()[0] == DEFAULT_TEXEL.alpha_x);
+    let told = studio.take_trouble();
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(told[0].to_string().contains("lake.exr is not there"));
+    let left = studio.left_out("lake").unwrap().clone();
+    assert_eq!(left.file.as_deref(), Some("lake.exr"));
+    assert!(studio.left_out("ground").is_none() && studio.left_out("paint").is_none());
+    // Other layers take strokes, in UV and on the mesh, and it is not told again and again.
+    studio.select(2);
+    let groove = brush(Tool::Groove(Groove::default()), 0.1);
+    let before = studio.map().clone();
+    stroke(&mut studio, groove, &[[0.2, 0.5], [0.8, 0.5]]);
+    studio.settle();
+    assert!(*studio.map() != before);
+    studio
+        .set_head(
+            0,
+            "Opacity",
+            LayerHead {
+                opacity: 0.7,
+                ..LayerHead::of(&studio.recipe().layers[0])
+            },
+        )
+        .unwrap();
+    studio.settle();
+    assert!(studio.take_trouble().is_empty());
+    // Files are not written as if it had never been there.
+    assert!(made(&studio).unwrap_err().to_string().contains("lake.exr"));
+    studio.replace_file("lake.exr", "moved.exr").unwrap();
+    studio.settle();
+    assert!(studio.left_out("lake").is_none());
+    assert!(*studio.map() == made(&studio).unwrap());
+    studio.undo().unwrap();
+    studio.settle();
+    assert_eq!(studio.left_out("lake"), Some(&left));
+}
+
+#[test]
+fn a_file_that_cannot_be_read_is_named() {
+    let (folder, path) = folder();
+    std::fs::write(folder.path().join("lake.exr"), "v/1\x01 torn").unwrap();
+    let mut studio = opened(&path);
+    let left = studio.left_out("lake").unwrap();
+    assert_eq!(left.file.as_deref(), Some("lake.exr"));
+    assert!(
+        !left.is_outside && left.reason.contains("lake.exr"),
+        "{left:?}"
+    );
+    assert_eq!(studio.take_trouble().len(), 1);
+}
+
+#[test]
+fn a_mesh_that_is_missing_leaves_the_map_and_the_mesh_before() {
+    let (folder, path) = folder();
+    std::fs::remove_file(folder.path().join("square.obj")).unwrap();
+    let mut studio = opened(&path);
+    assert!(studio.no_mesh().is_some());
+    assert!(*studio.map() == made(&studio).unwrap());
+    assert_eq!(studio.take_trouble().len(), 1);
+    studio.select(2);
+    let groove = brush(Tool::Groove(Groove::default()), 0.1);
+    let refused = studio.begin_mesh_stroke(groove.clone(), 1).unwrap_err();
+    assert!(refused.to_string().contains("square.obj"), "{refused}");
+    stroke(&mut studio, groove, &[[0.2, 0.5], [0.8, 0.5]]);
+    std::fs::write(folder.path().join("other.obj"), SQUARE).unwrap();
+    studio.replace_file("square.obj", "other.obj").unwrap();
+    studio.settle();
+    assert!(studio.no_mesh().is_none() && studio.mesh().triangles.len() == 2);
+    assert_eq!(studio.recipe().mesh.as_deref(), Some("other.obj"));
+}
+
+#[test]
+fn files_that_other_programs_write_anew_are_read_anew() {
+    let (folder, path) = folder();
+    let mut studio = opened(&path);
+    let before = studio.map().clone();
+    write_map(&folder.path().join("lake.exr"), 0.45);
+    let one = SQUARE.replace("f 1/1 3/3 4/4\n", "");
+    std::fs::write(folder.path().join("square.obj"), one).unwrap();
+    studio.read_files_again();
+    studio.settle();
+    assert!(*studio.map() != before && *studio.map() == made(&studio).unwrap());
+    assert_eq!(studio.mesh().triangles.len(), 1);
+    assert!(studio.take_trouble().is_empty());
+    // The same files once more change nothing.
+    let body = Arc::clone(studio.body());
+    studio.read_files_again();
+    studio.settle();
+    assert!(Arc::ptr_eq(&body, studio.body()));
+}
+
+#[test]
+fn what_lies_outside_the_folder_is_read_once_that_is_allowed() {
+    let (folder, path) = folder();
+    let inner = folder.path().join("inner");
+    std::fs::create_dir(&inner).unwrap();
+    let text = LAYERS
+        .replace("'lake.exr'", "'../lake.exr'")
+        .replace("'square.obj'", "'../square.obj'");
+    let copy = inner.join("a.toml");
+    std::fs::write(&copy, text).unwrap();
+    let mut studio = opened(&copy);
+    assert!(
+        studio.take_trouble().is_empty(),
+        "the user is asked, not told"
+    );
+    assert_eq!(studio.outside_files(), ["../lake.exr", "../square.obj"]);
+    assert!(studio.left_out("lake").unwrap().is_outside);
+    studio.allow_outside();
+    studio.settle();
+    assert!(studio.outside_files().is_empty() && studio.left_out("lake").is_none());
+    assert!(*studio.map() == *opened(&path).map());
+    assert_eq!(studio.mesh().triangles.len(), 2);
+    assert_eq!(
+        seen_from(&inner, &folder.path().join("lake.exr")).unwrap(),
+        "../lake.exr"
+    );
+}
+
+#[test]
+fn what_textures_mean_is_said_anew_as_one_step() {
+    let (folder, path) = folder();
+    let grey = image::GrayImage::from_pixel(8, 8, image::Luma([128]));
+    grey.save(folder.path().join("r.png")).unwrap();
+    let text = format!(
+        "{LAYERS}[[layers]]\nname = 'told'\n[layers.image.textures]\nfirst.file = 'r.png'\n"
+    );
+    std::fs::write(&path, text).unwrap();
+    let mut studio = opened(&path);
+    let before = studio.map().clone();
+    let Source::Image(image) = &studio.recipe().layers[3].source else {
+        panic!("no image");
+    };
+    let mut textures = image.textures.clone().unwrap();
+    textures.convention.inverted = !textures.convention.inverted;
+    textures.convention.scale = 0.5;
+    studio.set_textures(3, textures).unwrap();
+    studio.settle();
+    assert_eq!(studio.history().len(), (1, 0));
+    assert!(*studio.map() != before && *studio.map() == made(&studio).unwrap());
+    studio.undo().unwrap();
+    studio.settle();
+    assert!(*studio.map() == before);
+    assert!(studio.set_textures(0, Default::default()).is_err());
+}
