@@ -11,7 +11,7 @@ use super::dialogs::{self, Dialog, NewDocument, Then};
 use super::intake::Intake;
 use super::keys;
 use super::layers::LayersPanel;
-use super::properties::{PropertiesPanel, too_large};
+use super::properties::PropertiesPanel;
 use super::theme;
 use super::viewport::ViewportPane;
 use super::watch::Watch;
@@ -19,7 +19,7 @@ use anisomap::Error;
 use anisomap::recipe::{self, RecipeFile};
 use anisomap::studio::keymap::Keymap;
 use anisomap::studio::settings::{Folders, Settings};
-use anisomap::studio::{Options, Studio, left_behind, welcome};
+use anisomap::studio::{Options, Studio, bytes_free, document_warning, left_behind, welcome};
 use documents::tell_read_only;
 use eframe::egui::{self, Context, Ui, ViewportCommand};
 use std::path::PathBuf;
@@ -49,6 +49,8 @@ pub(crate) struct App {
     may_close: bool,
     /// What waits until the work was saved.
     after_saving: Option<Then>,
+    /// The name of a file that another one is chosen for.
+    finding: Option<String>,
 }
 
 /// Opens the window with a recipe, or with the scene of the first start, and shows it until it is closed.
@@ -118,7 +120,9 @@ impl App {
             patience: PATIENCE,
         };
         let mut large = None;
-        let (file, path) = if let Some(warning) = too_large(file.recipe(), file.recipe().size) {
+        let files = file.files(false);
+        let warning = document_warning(file.recipe(), &files, bytes_free());
+        let (file, path) = if let Some(warning) = warning {
             let what = LargeThing::Document(Box::new(file), path);
             large = Some(Large { warning, what });
             (welcome()?, None)
@@ -146,6 +150,7 @@ impl App {
             }
             (!left.is_empty()).then_some(Dialog::Recover(left))
         });
+        desk.ask_outside = true;
         Ok(Self {
             desk,
             canvas: CanvasPane::default(),
@@ -162,6 +167,7 @@ impl App {
             waiting: Vec::new(),
             to_reload: false,
             after_saving: None,
+            finding: None,
         })
     }
 
@@ -190,6 +196,10 @@ impl App {
         if self.dialog.is_none() {
             self.dialog = self.desk.large.take().map(Dialog::Large);
         }
+        if self.dialog.is_none() && std::mem::take(&mut self.desk.ask_outside) {
+            let files = self.desk.studio.outside_files();
+            self.dialog = (!files.is_empty()).then_some(Dialog::Outside(files));
+        }
         if self.dialog.is_none() {
             for action in keys::pressed(&ctx, &self.desk.keymap) {
                 self.desk.ask(action);
@@ -205,6 +215,7 @@ impl App {
         }
         self.panes(ui);
         self.hint(ui);
+        self.follow_wanted(&ctx);
         if let Some(wish) = dialogs::show(&ctx, &mut self.dialog, &mut self.desk) {
             self.grant(&ctx, wish);
             ctx.request_repaint();

@@ -1,6 +1,7 @@
 //! What all parts of the window share: the studio, the tool in the hand, settings, messages, and the actions that were asked for.
 
 use super::guides::GuideHand;
+use super::intake::Part;
 use super::messages::Messages;
 use anisomap::Error;
 use anisomap::map::Rect;
@@ -46,8 +47,17 @@ pub(crate) enum LargeThing {
     Document(Box<RecipeFile>, Option<PathBuf>),
     /// The document with another size.
     Header(Box<Header>),
-    /// A mesh of many triangles.
-    Mesh(PathBuf),
+    /// A mesh of many triangles, or a map of many texels.
+    File(Part, PathBuf),
+}
+
+/// What a panel asks for that takes a dialog.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// Another place of a file that the recipe names.
+    Find(String),
+    /// What the numbers of a layer's textures mean is to be said anew.
+    Convention(usize),
 }
 
 /// What all parts of the window share.
@@ -81,6 +91,10 @@ pub(crate) struct Desk {
     pub(crate) reading: Option<String>,
     /// What waits to be asked about because of its size.
     pub(crate) large: Option<Large>,
+    /// What a panel asks for.
+    pub(crate) wanted: Option<Wanted>,
+    /// Whether it is still to be asked about files outside the recipe's folder.
+    pub(crate) ask_outside: bool,
     /// Files that this document wrote, or may write over.
     pub(crate) exported: HashSet<PathBuf>,
     /// The control that takes the keyboard first.
@@ -128,6 +142,8 @@ impl Desk {
             redraw: Redraw::Sharp,
             reading: None,
             large: None,
+            wanted: None,
+            ask_outside: false,
             exported: HashSet::new(),
             first_control: None,
             asked: Vec::new(),

@@ -58,6 +58,8 @@ pub(crate) enum Dialog {
     Large(Large),
     /// A mesh has no texture coordinates.
     NoUvs(PathBuf),
+    /// The recipe names files outside its folder.
+    Outside(Vec<String>),
 }
 
 /// What a dialog asks the window to do.
@@ -86,11 +88,14 @@ pub(crate) enum Wish {
     Begin(Box<RecipeFile>),
     /// What is large is made all the same.
     Large(LargeThing),
+    /// The document may read files outside its folder.
+    AllowOutside,
     /// The file of keys is opened with what the system opens it with.
     EditKeys,
 }
 
 /// What a new document is to be.
+#[derive(PartialEq)]
 pub(crate) struct NewDocument {
     side: u32,
     aspect: f64,
@@ -125,15 +130,29 @@ impl Dialog {
             Self::Shortcuts(_) => "shortcuts dialog",
             Self::Large(_) => "large dialog",
             Self::NoUvs(_) => "layout dialog",
+            Self::Outside(_) => "outside dialog",
         }
     }
 
-    /// Whether Escape and a click beside it close it.
+    /// Whether Escape closes it.
     fn may_close(&self) -> bool {
         match self {
             Self::Export(export) => !export.is_working(),
             Self::Recover(_) => false,
             _ => true,
+        }
+    }
+
+    /// Whether a click beside it closes it: not where something was typed or chosen, or has to be answered.
+    fn may_click_away(&self) -> bool {
+        match self {
+            Self::File(_) | Self::ExportFolder(..) | Self::Export(_) => false,
+            Self::New(new) => *new == NewDocument::default(),
+            Self::Presets(presets) => !presets.is_touched(),
+            Self::Import(import) => !import.is_touched(),
+            Self::Unsaved(_) | Self::Changed(_) | Self::Newer(_) => false,
+            Self::Large(_) | Self::NoUvs(_) | Self::Outside(_) => false,
+            Self::Recover(_) | Self::Settings | Self::Shortcuts(_) => true,
         }
     }
 }
@@ -154,7 +173,7 @@ pub(crate) fn show(ctx: &Context, open: &mut Option<Dialog>, desk: &mut Desk) ->
         contents(ui, &mut dialog, desk)
     });
     let (next, mut wish) = shown.inner;
-    let closed = shown.backdrop_response.clicked()
+    let closed = (shown.backdrop_response.clicked() && dialog.may_click_away())
         || (shown.is_top_modal && ctx.input(|i| i.key_pressed(egui::Key::Escape)));
     *open = match next {
         Next::Stay if closed && dialog.may_close() => None,
@@ -215,6 +234,7 @@ fn contents(ui: &mut Ui, dialog: &mut Dialog, desk: &mut Desk) -> (Next, Option<
             ImportWish::Import(told) => (Next::Close, Some(Wish::Import(told))),
         },
         Dialog::NoUvs(path) => no_uvs(ui, path),
+        Dialog::Outside(files) => outside(ui, files),
         Dialog::Presets(browser) => match browser.show(ui) {
             PresetWish::Stay => (Next::Stay, None),
             PresetWish::Close => (Next::Close, None),
@@ -290,6 +310,39 @@ fn changed_on_disk(ui: &mut Ui, path: &Path) -> (Next, Option<Wish>) {
             answer = (Next::Close, Some(Wish::SaveOver(path.to_owned())));
         }
         if cancel_button(ui).clicked() {
+            answer = (Next::Close, None);
+        }
+    });
+    answer
+}
+
+/// Asks whether files may be read that lie outside the recipe's folder.
+fn outside(ui: &mut Ui, files: &[String]) -> (Next, Option<Wish>) {
+    ui.set_width(420.0);
+    ui.heading("This recipe reads files outside its folder");
+    egui::ScrollArea::vertical()
+        .max_height(160.0)
+        .auto_shrink([false, true])
+        .show(ui, |ui| {
+            for file in files {
+                ui.add(egui::Label::new(file).wrap());
+            }
+        });
+    ui.label(
+        "A recipe from a stranger could make your own pictures part of a map that is passed on. Without these files their \
+         layers are not shown. Saved into another folder, the recipe has copies of them.",
+    );
+    ui.add_space(8.0);
+    let mut answer = (Next::Stay, None);
+    ui.horizontal(|ui| {
+        let allow = ui.button("Allow for this document");
+        let tip = "Reads them for as long as the document is open.";
+        if allow.on_hover_text(tip).clicked() {
+            answer = (Next::Close, Some(Wish::AllowOutside));
+        }
+        let refuse = default_button(ui, "Do not read them");
+        let tip = "Shows the document without them (Enter, Escape).";
+        if refuse.on_hover_text(tip).clicked() {
             answer = (Next::Close, None);
         }
     });
@@ -458,7 +511,8 @@ fn ask_for_room(ui: &mut Ui, large: &Large) -> (Next, Option<Wish>) {
     ui.label(match large.what {
         LargeThing::Document(..) => "The document at hand stays open when you cancel.",
         LargeThing::Header(_) => "The document keeps its size when you cancel.",
-        LargeThing::Mesh(_) => "The mesh that is shown stays when you cancel.",
+        LargeThing::File(Part::Mesh, _) => "The mesh that is shown stays when you cancel.",
+        LargeThing::File(Part::Map, _) => "The layers stay as they are when you cancel.",
     });
     ui.add_space(8.0);
     let mut answer = (Next::Stay, None);

@@ -15,6 +15,8 @@ pub(crate) enum Purpose {
     SaveThen,
     Import,
     Mesh,
+    /// Takes the place of a file that the recipe names.
+    Find,
     ExportFolder,
 }
 
@@ -23,8 +25,9 @@ impl Purpose {
         match self {
             Self::Open => "Open",
             Self::SaveAs | Self::SaveThen => "Save as",
-            Self::Import => "Import map",
+            Self::Import => "Import a map or textures",
             Self::Mesh => "Load mesh",
+            Self::Find => "Find the file",
             Self::ExportFolder => "Folder for the files",
         }
     }
@@ -35,6 +38,7 @@ impl Purpose {
             Self::SaveAs | Self::SaveThen => "Save",
             Self::Import => "Import",
             Self::Mesh => "Load",
+            Self::Find => "Take it",
             Self::ExportFolder => "Choose",
         }
     }
@@ -46,6 +50,7 @@ impl Purpose {
             Self::SaveAs | Self::SaveThen => &["toml"],
             Self::Import => &["exr", "png", "tif", "tiff", "glb", "gltf"],
             Self::Mesh => &["glb", "gltf", "obj"],
+            Self::Find => &["exr", "png", "tif", "tiff", "glb", "gltf", "obj"],
             Self::ExportFolder => &[],
         }
     }
@@ -65,6 +70,8 @@ pub(crate) enum Answer {
 /// The dialog.
 pub(crate) struct FileDialog {
     purpose: Purpose,
+    /// What there is to know before choosing.
+    note: Option<String>,
     text: String,
     listed: Option<(PathBuf, Vec<Entry>)>,
     native: Option<Work<Option<PathBuf>>>,
@@ -72,6 +79,8 @@ pub(crate) struct FileDialog {
     fresh: bool,
     /// The file that would be written over, told once.
     over: Option<PathBuf>,
+    /// The folder that is not there, and what went wrong with making it.
+    no_folder: Option<(PathBuf, Option<String>)>,
 }
 
 #[derive(Clone)]
@@ -89,13 +98,22 @@ impl FileDialog {
         }
         Self {
             purpose,
+            note: None,
             text,
             listed: None,
             native: None,
             asked: false,
             fresh: true,
             over: None,
+            no_folder: None,
         }
+    }
+
+    /// The same, which says this first.
+    #[must_use]
+    pub(crate) fn with_note(mut self, note: impl Into<String>) -> Self {
+        self.note = Some(note.into());
+        self
     }
 
     pub(crate) fn purpose(&self) -> Purpose {
@@ -123,6 +141,9 @@ impl FileDialog {
         let palette = Palette::of(ui);
         ui.set_width(520.0);
         ui.heading(self.purpose.title());
+        if let Some(note) = &self.note {
+            ui.add(egui::Label::new(note).wrap());
+        }
         let mut answer = Answer::None;
         if self.purpose == Purpose::Open && !desk.settings.recent.is_empty() {
             super::widgets::caption(ui, "Recent");
@@ -153,6 +174,7 @@ impl FileDialog {
         }
         if field.changed() {
             self.over = None;
+            self.no_folder = None;
         }
         let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
         self.list(ui);
@@ -164,6 +186,7 @@ impl FileDialog {
             );
             ui.add(egui::Label::new(RichText::new(text).color(palette.warning)).wrap());
         }
+        self.offer_folder(ui);
         ui.add_space(6.0);
         ui.horizontal(|ui| {
             if super::dialogs::main_button(ui, self.purpose.button()).clicked() || entered {
@@ -182,6 +205,31 @@ impl FileDialog {
             }
         });
         answer
+    }
+
+    /// Says that the folder is not there, and makes it where that is wanted.
+    fn offer_folder(&mut self, ui: &mut Ui) {
+        let Some((folder, failed)) = &mut self.no_folder else {
+            return;
+        };
+        let palette = Palette::of(ui);
+        let text = format!("The folder {} is not there.", folder.display());
+        ui.add(egui::Label::new(RichText::new(text).color(palette.warning)).wrap());
+        let make = ui.button("Make the folder");
+        let tip = "Makes it, and those above it that are missing.";
+        if make.on_hover_text(tip).clicked() {
+            match anisomap::generate::make_folder(folder) {
+                Ok(()) => {
+                    self.no_folder = None;
+                    self.listed = None;
+                    return;
+                }
+                Err(error) => *failed = Some(error.to_string()),
+            }
+        }
+        if let Some(failed) = failed {
+            ui.add(egui::Label::new(RichText::new(&*failed).color(palette.error)).wrap());
+        }
     }
 
     /// What lies in the folder of the path.
@@ -263,6 +311,11 @@ impl FileDialog {
             }
             if path.extension().is_none() {
                 path.set_extension("toml");
+            }
+            let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+            if let Some(folder) = folder.filter(|f| !f.exists()) {
+                self.no_folder = Some((folder.to_owned(), None));
+                return Answer::None;
             }
             if path.exists() && self.over.as_ref() != Some(&path) {
                 self.over = Some(path);

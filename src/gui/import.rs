@@ -3,13 +3,15 @@
 use super::intake::Told;
 use super::theme::Palette;
 use super::widgets::caption;
+use super::work::{Now, Reins, Work};
 use anisomap::Error;
 use anisomap::convention::LobeFit;
 use anisomap::convention::textures::{Convention, Curve, Encoding, Leads, Widths};
 use anisomap::import::guess::{Guess, guess, pictures_beside};
-use anisomap::import::numbers::Numbers;
+use anisomap::import::numbers::{About, Numbers, about};
 use anisomap::import::textures::{Channel, Textures};
 use anisomap::map::{AnisoMap, Size, Wrap};
+use anisomap::studio::apart;
 use anisomap::studio::view::{Averages, Camera2d, Lighting, View};
 use eframe::egui::{self, ColorImage, ComboBox, DragValue, RichText, TextureHandle, Ui, vec2};
 use std::path::{Path, PathBuf};
@@ -29,57 +31,123 @@ struct Sampled {
 pub(crate) struct Seen {
     folder: PathBuf,
     pub(crate) guess: Guess,
+    /// The pictures that may be chosen from, and what they say of themselves.
+    files: Vec<(String, About)>,
+    /// Of the pictures that were chosen.
     channels: Vec<Sampled>,
-    sizes: Vec<(String, Size)>,
+    /// The layer that the textures are of already.
+    layer: Option<String>,
 }
 
-/// Looks at a picture and at those beside it.
+/// Looks at a picture and at those beside it: those that seem to belong to it are read, of the others what they say of
+/// themselves.
 ///
 /// # Errors
 /// When the picture itself cannot be read.
 pub(crate) fn look_at(path: &Path) -> Result<Seen, Error> {
     let guess = guess(path)?;
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-    let mut files: Vec<String> = Vec::new();
+    let own = path.file_name().unwrap_or_default().to_string_lossy();
     let of_guess = guess.textures.channels().map(|(_, c)| c.file.clone());
-    for file in of_guess.chain(pictures_beside(path)) {
-        if files.len() < PICTURES && !files.contains(&file) {
-            files.push(file);
-        }
-    }
-    let mut seen = Seen {
-        folder,
-        guess,
-        channels: Vec::new(),
-        sizes: Vec::new(),
-    };
-    for file in files {
-        // One that cannot be read is not offered.
-        let _ = seen.add(file);
-    }
+    let files: Vec<String> = of_guess.chain(pictures_beside(path)).collect();
+    let mut seen = Seen::of(folder, guess, files);
+    seen.read_chosen(Some(&*own))?;
     Ok(seen)
 }
 
+/// Looks at the textures of a layer again, whose files are named from `folder`, and at those beside them.
+pub(crate) fn look_again(layer: String, textures: Textures, folder: &Path) -> Seen {
+    let files: Vec<String> = textures.channels().map(|(_, c)| c.file.clone()).collect();
+    let first = files.first().cloned().unwrap_or_default();
+    let way = first.rsplit_once('/').map_or("", |(way, _)| way);
+    let beside = pictures_beside(&folder.join(&first)).into_iter();
+    let beside = beside.map(|name| match way {
+        "" => name,
+        way => format!("{way}/{name}"),
+    });
+    let guess = Guess {
+        convention: convention_name(&textures.convention),
+        name: layer.clone(),
+        textures,
+    };
+    let all = files.into_iter().chain(beside).collect();
+    let mut seen = Seen::of(folder.to_owned(), guess, all);
+    seen.layer = Some(layer);
+    // What of it cannot be read is not drawn; what it means can be said all the same.
+    let _ = seen.read_chosen(None);
+    seen
+}
+
+/// What a convention is called.
+pub(crate) fn convention_name(convention: &Convention) -> &'static str {
+    let named = Convention::NAMED.iter();
+    let mut same = named.filter(|n| n.convention == *convention);
+    same.next().map_or("Its own convention", |n| n.name)
+}
+
+/// The channels of a picture, at some places of it.
+fn sample(folder: &Path, file: &str) -> Result<Vec<Sampled>, Error> {
+    let path = folder.join(file);
+    let numbers = Numbers::open(&path)?;
+    let size = numbers.size();
+    let at = |i: u32, side: u32| {
+        ((u64::from(2 * i + 1) * u64::from(side)) / u64::from(2 * PLACES)) as usize
+    };
+    let of_channel = |name: String| {
+        let plane = numbers.channel(&path, &name)?;
+        let place = |x, y| at(y, size.height()) * size.width() as usize + at(x, size.width());
+        let all = (0..PLACES).flat_map(|y| (0..PLACES).map(move |x| (x, y)));
+        Ok(Sampled {
+            channel: Channel::new(file, name),
+            values: all.map(|(x, y)| plane.number(place(x, y))).collect(),
+        })
+    };
+    numbers.channels().into_iter().map(of_channel).collect()
+}
+
 impl Seen {
-    fn add(&mut self, file: String) -> Result<(), Error> {
-        let path = self.folder.join(&file);
-        let numbers = Numbers::open(&path)?;
-        let size = numbers.size();
-        for name in numbers.channels() {
-            let plane = numbers.plane(&path, &name)?;
-            let at = |i: u32, side: u32| {
-                ((u64::from(2 * i + 1) * u64::from(side)) / u64::from(2 * PLACES)) as usize
-            };
-            let place =
-                |(x, y)| plane[at(y, size.height()) * size.width() as usize + at(x, size.width())];
-            let all = (0..PLACES).flat_map(|y| (0..PLACES).map(move |x| (x, y)));
-            self.channels.push(Sampled {
-                channel: Channel::new(&*file, name),
-                values: all.map(place).collect(),
-            });
+    fn of(folder: PathBuf, guess: Guess, names: Vec<String>) -> Self {
+        let mut files: Vec<(String, About)> = Vec::new();
+        for name in names {
+            let is_new = files.iter().all(|(known, _)| *known != name);
+            // One that is no picture is not offered.
+            if is_new
+                && files.len() < PICTURES
+                && let Ok(about) = about(&folder.join(&name))
+            {
+                files.push((name, about));
+            }
         }
-        self.sizes.push((file, size));
+        Self {
+            folder,
+            guess,
+            files,
+            channels: Vec::new(),
+            layer: None,
+        }
+    }
+
+    /// Reads the pictures that the guess is about.
+    ///
+    /// # Errors
+    /// When `needed` cannot be read; any other is left out.
+    fn read_chosen(&mut self, needed: Option<&str>) -> Result<(), Error> {
+        while let Some(file) = self.unread(&self.guess.textures) {
+            match sample(&self.folder, &file) {
+                Ok(channels) => self.channels.extend(channels),
+                Err(error) if needed == Some(&*file) => return Err(error),
+                Err(_) => self.files.retain(|(name, _)| *name != file),
+            }
+        }
         Ok(())
+    }
+
+    /// A picture that textures are made of and that was not read yet.
+    fn unread(&self, textures: &Textures) -> Option<String> {
+        let is_offered = |file: &str| self.files.iter().any(|(name, _)| name == file);
+        let is_read = |file: &str| self.channels.iter().any(|s| s.channel.file == file);
+        let mut files = textures.channels().map(|(_, c)| &c.file);
+        files.find(|f| is_offered(f) && !is_read(f)).cloned()
     }
 
     fn values(&self, channel: Option<&Channel>) -> Option<&[f32]> {
@@ -119,7 +187,12 @@ pub(crate) struct ImportDialog {
     textures: Textures,
     name: String,
     shown: Option<Shown>,
+    /// A picture that is being read since it was chosen.
+    reading: Option<Reading>,
 }
+
+/// Pictures that were chosen, by their names, as they are read.
+type Reading = Work<(String, Result<Vec<Sampled>, Error>)>;
 
 /// What the textures make as they are told now.
 struct Shown {
@@ -146,14 +219,26 @@ impl ImportDialog {
             name: seen.guess.name.clone(),
             seen,
             shown: None,
+            reading: None,
         }
     }
 
     pub(crate) fn show(&mut self, ui: &mut Ui) -> Wish {
         let palette = Palette::of(ui);
         ui.set_width(620.0);
-        ui.heading("Import textures");
-        ui.label("What do the numbers in these pictures mean? This is a guess by their names.");
+        self.follow(ui);
+        match &self.seen.layer {
+            None => {
+                ui.heading("Import textures");
+                ui.label(
+                    "What do the numbers in these pictures mean? This is a guess by their names.",
+                );
+            }
+            Some(layer) => {
+                ui.heading(format!("Convention of {layer}"));
+                ui.label("What do the numbers in these pictures mean?");
+            }
+        }
         self.convention(ui);
         ui.horizontal_top(|ui| {
             ui.vertical(|ui| {
@@ -163,11 +248,13 @@ impl ImportDialog {
             });
             ui.vertical(|ui| self.preview(ui));
         });
-        ui.horizontal(|ui| {
-            ui.label("Name of the layer");
-            ui.add(egui::TextEdit::singleline(&mut self.name).desired_width(200.0))
-                .accessible_name("Name of the layer");
-        });
+        if self.seen.layer.is_none() {
+            ui.horizontal(|ui| {
+                ui.label("Name of the layer");
+                ui.add(egui::TextEdit::singleline(&mut self.name).desired_width(200.0))
+                    .accessible_name("Name of the layer");
+            });
+        }
         let problem = self.problem();
         if let Some(problem) = &problem {
             ui.add(egui::Label::new(RichText::new(problem).color(palette.error)).wrap());
@@ -175,11 +262,18 @@ impl ImportDialog {
         ui.add_space(8.0);
         let mut wish = Wish::Stay;
         ui.horizontal(|ui| {
-            let go = egui::Button::new(RichText::new("Import").color(palette.text))
+            let (text, tip) = match self.seen.layer {
+                None => (
+                    "Import",
+                    "Lays the pictures beside the recipe, and makes a layer of them.",
+                ),
+                Some(_) => ("Apply", "The layer is read so from now on."),
+            };
+            let go = egui::Button::new(RichText::new(text).color(palette.text))
                 .fill(palette.accent_ground);
             if ui
                 .add_enabled(problem.is_none(), go)
-                .on_hover_text("Lays the pictures beside the recipe, and makes a layer of them.")
+                .on_hover_text(tip)
                 .clicked()
             {
                 let name = self.name.trim();
@@ -187,6 +281,7 @@ impl ImportDialog {
                     name: if name.is_empty() { "map" } else { name }.to_owned(),
                     from: self.seen.folder.clone(),
                     textures: self.textures.clone(),
+                    layer: self.seen.layer.clone(),
                 }));
             }
             if ui.button("Cancel").clicked() {
@@ -201,13 +296,44 @@ impl ImportDialog {
         if let Err(error) = self.textures.check() {
             return Some(error.to_string());
         }
-        let size = |c: &Channel| self.seen.sizes.iter().find(|(f, _)| *f == c.file);
+        let known = |c: &Channel| self.seen.files.iter().find(|(f, _)| *f == c.file);
+        let size = |c: &Channel| known(c).map(|(file, about)| (file, about.size));
         let mut sizes = self.textures.channels().filter_map(|(_, c)| size(c));
         let (first, want) = sizes.next()?;
-        let other = sizes.find(|(_, s)| s != want);
+        let other = sizes.find(|(_, s)| *s != want);
         other.map(|(file, size)| {
             format!("{file} is {size}, but {first} is {want}. Resize one to the size of the other")
         })
+    }
+
+    /// Whether something was chosen that a click beside the dialog must not throw away.
+    pub(crate) fn is_touched(&self) -> bool {
+        self.textures != self.seen.guess.textures || self.name != self.seen.guess.name
+    }
+
+    /// Takes over a picture that was read, and has the next one read that was chosen.
+    fn follow(&mut self, ui: &Ui) {
+        if let Some(work) = &self.reading {
+            match work.now() {
+                Now::Going => return,
+                Now::Over => {}
+                Now::Came((_, Ok(channels))) => {
+                    self.seen.channels.extend(channels);
+                    self.shown = None;
+                }
+                // One that cannot be read is not offered any more.
+                Now::Came((file, Err(_))) => self.seen.files.retain(|(name, _)| *name != file),
+            }
+            self.reading = None;
+        }
+        if let Some(file) = self.seen.unread(&self.textures) {
+            let folder = self.seen.folder.clone();
+            let read = move |_: &Reins, give: &dyn Fn(_) -> bool| {
+                let sampled = apart(|| sample(&folder, &file));
+                give((file, sampled));
+            };
+            self.reading = Work::begin("picture", ui.ctx(), read).ok();
+        }
     }
 
     fn convention(&mut self, ui: &mut Ui) {
@@ -303,6 +429,10 @@ impl ImportDialog {
     }
 
     fn preview(&mut self, ui: &mut Ui) {
+        if self.reading.is_some() {
+            ui.label("Reading\u{2026}");
+            return;
+        }
         if self.shown.as_ref().is_none_or(|s| s.of != self.textures) {
             self.shown = Shown::draw(ui, &self.seen, &self.textures).ok();
         }
@@ -371,9 +501,12 @@ fn channel(ui: &mut Ui, label: &str, seen: &Seen, slot: &mut Option<Channel>) {
         .selected_text(slot.as_ref().map_or("none".to_owned(), text))
         .show_ui(ui, |ui| {
             ui.selectable_value(slot, None, "none");
-            for sampled in &seen.channels {
-                let value = Some(sampled.channel.clone());
-                ui.selectable_value(slot, value, text(&sampled.channel));
+            for (file, about) in &seen.files {
+                for name in &about.channels {
+                    let channel = Channel::new(&**file, &**name);
+                    let words = text(&channel);
+                    ui.selectable_value(slot, Some(channel), words);
+                }
             }
         })
         .response

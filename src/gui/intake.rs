@@ -1,7 +1,7 @@
 //! Meshes and maps that come into a document: read, checked and laid beside the recipe by a thread of its own, because a mesh
 //! of millions of triangles takes its time. The recipe names files of its own folder alone.
 
-use super::import::{Seen, look_at};
+use super::import::{Seen, look_again, look_at};
 use super::messages::count;
 use super::work::{Now, Reins, Work};
 use anisomap::Error;
@@ -10,12 +10,13 @@ use anisomap::export::exr::{Precision, write_master};
 use anisomap::import::Imported;
 use anisomap::import::exr::{is_master, read_master, read_rgb_pair};
 use anisomap::import::gltf::read_gltf;
+use anisomap::import::numbers;
 use anisomap::import::textures::Textures;
 use anisomap::map::Wrap;
 use anisomap::mesh::{self, Body, Projection};
 use anisomap::recipe::Image;
 use anisomap::studio::beside::{free_path, lay_beside};
-use anisomap::studio::{apart, bytes_free, mesh_warning};
+use anisomap::studio::{apart, bytes_free, mesh_warning, picture_warning};
 use eframe::egui::Context;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -41,6 +42,8 @@ pub(crate) struct Told {
     /// Where the files are; the textures name them from there.
     pub(crate) from: PathBuf,
     pub(crate) textures: Textures,
+    /// The layer that had a meaning already, where they are no new one.
+    pub(crate) layer: Option<String>,
 }
 
 /// What came in.
@@ -51,6 +54,8 @@ pub(crate) enum Taken {
     Layer { name: String, image: Box<Image> },
     /// Textures: what they mean is to be said first.
     Textures(Box<Seen>),
+    /// A file that takes the place of another one, by the names that the recipe has for both.
+    Found { old: String, new: String },
     /// A mesh without texture coordinates: they may be made.
     NoUvs,
     /// A mesh that takes much memory, and what there is to say of that.
@@ -63,6 +68,7 @@ type Came = (Taken, Vec<String>);
 /// A file on its way.
 pub(crate) struct Intake {
     pub(crate) path: PathBuf,
+    pub(crate) part: Part,
     work: Work<Result<Came, Error>>,
 }
 
@@ -76,7 +82,7 @@ impl Intake {
         ctx: &Context,
     ) -> Result<Self, Error> {
         let (from, folder) = (path.to_owned(), folder.to_owned());
-        Self::of(path, ctx, move || {
+        Self::of(part, path, ctx, move || {
             let free = if even_if_large { None } else { bytes_free() };
             take(part, &from, &folder, free)
         })
@@ -85,10 +91,38 @@ impl Intake {
     /// Begins to take textures into the folder of a recipe.
     pub(crate) fn begin_textures(told: Told, folder: &Path, ctx: &Context) -> Result<Self, Error> {
         let (path, folder) = (told.from.join(&told.name), folder.to_owned());
-        Self::of(&path, ctx, move || take_textures(told, &folder))
+        Self::of(Part::Map, &path, ctx, move || take_textures(told, &folder))
+    }
+
+    /// Begins to take a file into the folder of a recipe, in the place of one that the recipe calls `old`.
+    pub(crate) fn begin_found(
+        old: String,
+        path: &Path,
+        folder: &Path,
+        ctx: &Context,
+    ) -> Result<Self, Error> {
+        let (from, folder) = (path.to_owned(), folder.to_owned());
+        Self::of(Part::Map, path, ctx, move || {
+            take_found(old, &from, &folder)
+        })
+    }
+
+    /// Begins to look at the textures of a layer again, for what they mean to be said anew.
+    pub(crate) fn begin_again(
+        layer: String,
+        textures: Textures,
+        folder: &Path,
+        ctx: &Context,
+    ) -> Result<Self, Error> {
+        let home = folder.to_owned();
+        Self::of(Part::Map, folder, ctx, move || {
+            let seen = look_again(layer, textures, &home);
+            Ok((Taken::Textures(Box::new(seen)), vec![]))
+        })
     }
 
     fn of(
+        part: Part,
         path: &Path,
         ctx: &Context,
         work: impl FnOnce() -> Result<Came, Error> + Send + 'static,
@@ -101,6 +135,7 @@ impl Intake {
         };
         Ok(Self {
             path: path.to_owned(),
+            part,
             work: Work::begin("intake", ctx, body)?,
         })
     }
@@ -150,8 +185,33 @@ fn take(part: Part, path: &Path, folder: &Path, free: Option<u64>) -> Result<Cam
     }
     match part {
         Part::Mesh => take_mesh(path, folder, free),
-        Part::Map => take_map(path, folder),
+        Part::Map => take_map(path, folder, free),
     }
+}
+
+/// A file in the place of one that is missing: of the same kind, laid beside the recipe as it is.
+fn take_found(old: String, path: &Path, folder: &Path) -> Result<Came, Error> {
+    let kind = |path: &Path| match ending(path).as_str() {
+        "glb" | "gltf" | "obj" => Part::Mesh,
+        _ => Part::Map,
+    };
+    if kind(path) != kind(Path::new(&old)) {
+        let problem = format!("it cannot take the place of {old}");
+        return Err(Error::file(path, problem).with_hint("Choose a file of the same kind"));
+    }
+    let needed = match kind(path) {
+        Part::Mesh => {
+            mesh::about(path)?;
+            mesh::companions(path)?
+        }
+        Part::Map => {
+            numbers::about(path)?;
+            vec![]
+        }
+    };
+    let laid = lay_beside(path, &needed, folder)?;
+    let new = laid.name;
+    Ok((Taken::Found { old, new }, Vec::from_iter(laid.news)))
 }
 
 /// A mesh, laid beside the recipe as it is; asks first where it has no texture coordinates, or leaves less than half of the
@@ -189,7 +249,14 @@ fn take_mesh(path: &Path, folder: &Path, free: Option<u64>) -> Result<Came, Erro
 
 /// A master EXR as it is; what says by itself what its numbers mean is kept as a master EXR, lossless; of anything else that
 /// has to be said.
-fn take_map(path: &Path, folder: &Path) -> Result<Came, Error> {
+fn take_map(path: &Path, folder: &Path, free: Option<u64>) -> Result<Came, Error> {
+    if matches!(ending(path).as_str(), "exr" | "png" | "tif" | "tiff") {
+        let about = numbers::about(path)?;
+        if let Some(warning) = picture_warning(about.size, about.channels.len(), free) {
+            let what = format!("{} is {}", path.display(), about.size);
+            return Ok((Taken::Large(format!("{what}. {warning}")), vec![]));
+        }
+    }
     let (read, convention) = match (ending(path).as_str(), other_of_pair(path)) {
         ("glb" | "gltf", _) => (read_gltf(path)?, "KHR_materials_anisotropy"),
         ("exr", Some((alpha, direction))) => (
@@ -234,6 +301,7 @@ fn take_textures(told: Told, folder: &Path) -> Result<Came, Error> {
         name,
         from,
         mut textures,
+        ..
     } = told;
     let (_, mended) = textures.read(Wrap::Clamp, |_, file| Ok(from.join(file)))?;
     let mut news = vec![];
@@ -369,6 +437,7 @@ mod tests {
             name: "a".to_owned(),
             from: from.clone(),
             textures: seen.guess.textures.clone(),
+            layer: None,
         };
         let (Taken::Layer { name, image }, news) = take_textures(told, &to).unwrap() else {
             panic!("no layer");

@@ -4,7 +4,7 @@ use super::desk::Desk;
 use super::icons::Icon;
 use super::theme::Palette;
 use super::widgets::{heading, icon_button};
-use anisomap::recipe::{Layer, Source};
+use anisomap::recipe::{Layer, LeftOut, Source};
 use anisomap::studio::action::Action;
 use anisomap::studio::parameters::default_pattern;
 use eframe::egui::{
@@ -29,16 +29,19 @@ struct Line {
     opacity: f32,
     is_masked: bool,
     icon: Icon,
+    /// Why it is not shown, where a file of its is missing.
+    missing: Option<String>,
 }
 
 impl Line {
-    fn of(layer: &Layer) -> Self {
+    fn of(layer: &Layer, missing: Option<&LeftOut>) -> Self {
         Self {
             name: layer.name().to_owned(),
             visible: layer.visible,
             opacity: layer.opacity,
             is_masked: layer.mask.is_some(),
             icon: source_icon(&layer.source),
+            missing: missing.map(|left| left.reason.clone()),
         }
     }
 }
@@ -107,7 +110,8 @@ impl LayersPanel {
 
     /// One layer. Gives the layer that was dropped on it.
     fn row(&mut self, ui: &mut Ui, desk: &mut Desk, at: usize) -> Option<usize> {
-        let layer = Line::of(&desk.studio.recipe().layers[at]);
+        let layer = &desk.studio.recipe().layers[at];
+        let layer = Line::of(layer, desk.studio.left_out(layer.name()));
         let selected = desk.studio.selected() == at;
         let (rect, response) =
             ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::click_and_drag());
@@ -116,7 +120,10 @@ impl LayersPanel {
                 Role::ListItem,
                 true,
                 selected,
-                format!("Layer {}", layer.name),
+                match layer.missing {
+                    Some(_) => format!("Layer {}, not shown", layer.name),
+                    None => format!("Layer {}", layer.name),
+                },
             )
         });
         paint_row(ui, rect, &response, &layer, selected);
@@ -141,8 +148,13 @@ impl LayersPanel {
             let line = Stroke::new(2.0, Palette::of(ui).accent);
             ui.painter().hline(rect.x_range(), y, line);
         }
-        let tip =
-            "Click selects, drag reorders, a double click renames, the right button has more.";
+        let tip = match &layer.missing {
+            Some(reason) => format!("Not shown: {reason}. Its properties find the file again."),
+            None => {
+                "Click selects, drag reorders, a double click renames, the right button has more."
+                    .to_owned()
+            }
+        };
         let released = response
             .dnd_release_payload::<Dragged>()
             .map(|d| d.0)
@@ -258,7 +270,10 @@ fn paint_row(ui: &Ui, rect: Rect, response: &Response, layer: &Line, selected: b
         );
     }
     let icon = Rect::from_center_size(pos2(rect.left() + 44.0, rect.center().y), vec2(18.0, 18.0));
-    layer.icon.paint(painter, icon, palette.weak);
+    match layer.missing {
+        Some(_) => Icon::Warning.paint(painter, icon, palette.warning),
+        None => layer.icon.paint(painter, icon, palette.weak),
+    }
     let right = pos2(rect.right() - 10.0, rect.center().y);
     let text = format!("{:.0}%", layer.opacity * 100.0);
     painter.text(

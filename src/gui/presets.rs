@@ -44,6 +44,11 @@ pub(crate) enum Wish {
 }
 
 impl PresetBrowser {
+    /// Whether something was typed or chosen that a click beside the dialog must not throw away.
+    pub(crate) fn is_touched(&self) -> bool {
+        self.chosen.is_some() || !self.search.is_empty()
+    }
+
     pub(crate) fn show(&mut self, ui: &mut Ui) -> Wish {
         self.follow(ui);
         ui.set_width((PICTURE[0] as f32 + 12.0) * COLUMNS as f32 + 10.0);
@@ -63,15 +68,15 @@ impl PresetBrowser {
         let found: Vec<usize> = (0..PRESETS.len())
             .filter(|i| matches(&PRESETS[*i], &self.search))
             .collect();
-        if found.is_empty() {
-            ui.label("No preset has all these words.");
-        }
         let room = (ui.ctx().content_rect().height() - 300.0).clamp(160.0, 900.0);
         egui::ScrollArea::vertical()
             .max_height(room)
             .min_scrolled_height(room)
-            .auto_shrink([false, true])
+            .auto_shrink(false)
             .show(ui, |ui| {
+                if found.is_empty() {
+                    ui.label("No preset has all these words.");
+                }
                 egui::Grid::new("presets")
                     .spacing(vec2(10.0, 10.0))
                     .show(ui, |ui| {

@@ -1,11 +1,12 @@
 //! The panel under the layers: the brush, the selected layer, the document, the history.
 
-use super::desk::{Desk, Large, LargeThing, Redraw};
+use super::desk::{Desk, Large, LargeThing, Redraw, Wanted};
 use super::theme::Palette;
 use super::tools::{brush_panel, shown};
 use super::widgets::{Bar, body, caption, choices, left_label};
 use anisomap::guide::Guides;
 use anisomap::map::{Size, Wrap};
+use anisomap::mesh::Projection;
 use anisomap::pattern::Pattern;
 use anisomap::recipe::{Mask, MaskSource, Material, Recipe, SEED_MAX, Source};
 use anisomap::studio::action::Action;
@@ -159,7 +160,8 @@ fn seal(desk: &mut Desk, finished: bool) {
 /// What the panel shows of a layer's source: the source itself may hold a hundred thousand strokes.
 enum Inside {
     Pattern(Pattern),
-    Image(String),
+    /// Its files, and what textures mean.
+    Image(String, Option<&'static str>),
     Strokes(usize),
     Guides(Guides),
     Stored,
@@ -172,7 +174,9 @@ impl Inside {
             Source::Image(image) => {
                 let mut names: Vec<&str> = image.files().map(String::as_str).collect();
                 names.dedup();
-                Self::Image(names.join(", "))
+                let textures = image.textures.as_ref();
+                let convention = textures.map(|t| super::import::convention_name(&t.convention));
+                Self::Image(names.join(", "), convention)
             }
             Source::Strokes(strokes) => Self::Strokes(strokes.strokes.len()),
             Source::Guides(guides) => Self::Guides(guides.clone()),
@@ -181,7 +185,24 @@ impl Inside {
     }
 }
 
+/// What is said of a file that is missing, and a button that finds it again.
+fn missing(ui: &mut Ui, desk: &mut Desk, text: &str, file: Option<&str>) {
+    let text = egui::RichText::new(text).color(Palette::of(ui).warning);
+    ui.add(egui::Label::new(text).wrap());
+    let Some(file) = file else { return };
+    let tip = "Takes another file in its place wherever the recipe names it; it is copied beside the recipe.";
+    let find = ui.button("Find the file\u{2026}").on_hover_text(tip);
+    if find.clicked() {
+        desk.wanted = Some(Wanted::Find(file.to_owned()));
+    }
+}
+
 fn source(ui: &mut Ui, desk: &mut Desk, at: usize, inside: &Inside) {
+    let layer = desk.studio.recipe().layers.get(at);
+    if let Some(left) = layer.and_then(|l| desk.studio.left_out(l.name())).cloned() {
+        let text = format!("Not shown: {}.", left.reason);
+        missing(ui, desk, &text, left.file.as_deref());
+    }
     match inside {
         Inside::Pattern(pattern) => {
             caption(ui, &format!("Pattern: {}", pattern.name()));
@@ -190,10 +211,26 @@ fn source(ui: &mut Ui, desk: &mut Desk, at: usize, inside: &Inside) {
                 desk.told(done);
             }
         }
-        Inside::Image(file) => {
+        Inside::Image(files, None) => {
             caption(ui, "Map from a file");
-            ui.label(file)
+            let file = egui::Label::new(files).wrap();
+            ui.add(file)
                 .on_hover_text("The file that the layer lays over the map.");
+        }
+        Inside::Image(files, Some(convention)) => {
+            caption(ui, "Textures");
+            let files = egui::Label::new(files).wrap();
+            ui.add(files)
+                .on_hover_text("The files that the layer reads its map from.");
+            ui.horizontal(|ui| {
+                ui.label(*convention);
+                let button = ui.button("Convention\u{2026}");
+                let tip =
+                    "Says anew what the numbers in the textures mean, and which of them are read.";
+                if button.on_hover_text(tip).clicked() {
+                    desk.wanted = Some(Wanted::Convention(at));
+                }
+            });
         }
         Inside::Strokes(count) => {
             caption(ui, "Strokes");
@@ -452,6 +489,11 @@ fn document_panel(ui: &mut Ui, desk: &mut Desk) {
     let before = Header::of(desk.studio.recipe());
     let mut header = before.clone();
     let mut finished = false;
+    if let Some(error) = desk.studio.no_mesh() {
+        let text = format!("The mesh is not shown: {error}.");
+        let word = desk.studio.recipe().mesh.clone().unwrap_or_default();
+        missing(ui, desk, &text, Some(Projection::split(&word).0));
+    }
     size_rows(ui, desk, &mut header);
     caption(ui, "Beyond the edge");
     let wraps = [Wrap::Repeat, Wrap::RepeatU, Wrap::Clamp];

@@ -56,11 +56,15 @@ impl App {
             return;
         }
         let Some(folder) = self.own_folder() else {
-            self.desk.messages.news(
-                "A recipe's own files lie beside it: say where the recipe is to be, and the file comes in",
-            );
             self.after_saving = Some(Then::TakeIn(part, path.to_owned()));
             self.ask_where_to_save(Purpose::SaveThen);
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if let Some(Dialog::File(file)) = self.dialog.take() {
+                let note = format!(
+                    "{name} will lie beside the recipe, which has no file yet: where is the recipe to be? {name} comes in then."
+                );
+                self.dialog = Some(Dialog::File(file.with_note(note)));
+            }
             return;
         };
         let begun = Intake::begin(part, path, &folder, even_if_large, ctx);
@@ -92,7 +96,7 @@ impl App {
             self.desk.reading = Some(format!("reading {}", name.to_string_lossy()));
             return;
         };
-        let path = intake.path.clone();
+        let (path, part) = (intake.path.clone(), intake.part);
         self.intake = None;
         self.desk.reading = None;
         let Some((taken, news)) = self.desk.told(taken) else {
@@ -107,8 +111,12 @@ impl App {
                 set_mesh(&mut self.desk, &file);
             }
             Taken::NoUvs => self.dialog = Some(Dialog::NoUvs(path)),
+            Taken::Found { old, new } => {
+                let done = self.desk.studio.replace_file(&old, &new);
+                self.desk.told(done);
+            }
             Taken::Large(warning) => {
-                let what = LargeThing::Mesh(path);
+                let what = LargeThing::File(part, path);
                 self.dialog = Some(Dialog::Large(Large { warning, what }));
             }
             Taken::Textures(seen) => {

@@ -1,19 +1,18 @@
 //! Documents and their files: opened, saved, left for others.
 
 use super::{App, PATIENCE};
-use crate::gui::desk::{Desk, Large, LargeThing, Redraw};
+use crate::gui::desk::{Desk, Large, LargeThing, Redraw, Wanted};
 use crate::gui::dialogs::{Dialog, NewDocument, Then, Wish};
 use crate::gui::export::ExportDialog;
 use crate::gui::files::{FileDialog, Purpose};
-use crate::gui::intake::{self, Intake, Part};
+use crate::gui::intake::{self, Intake, Part, Told};
 use crate::gui::messages::count;
 use crate::gui::presets::PresetBrowser;
-use crate::gui::properties::too_large;
 use anisomap::Error;
-use anisomap::recipe::RecipeFile;
+use anisomap::recipe::{Image, RecipeFile, Source};
 use anisomap::studio::action::Action;
 use anisomap::studio::settings::Folders;
-use anisomap::studio::{Options, Studio};
+use anisomap::studio::{Options, Studio, bytes_free, document_warning};
 use eframe::egui::{Context, Ui, ViewportCommand};
 use std::path::{Path, PathBuf};
 
@@ -35,10 +34,10 @@ impl App {
             },
             Action::SaveAs => self.ask_where_to_save(Purpose::SaveAs),
             Action::Import => {
-                self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Import, here)));
+                self.dialog = Some(Dialog::File(self.asking(Purpose::Import, here)));
             }
             Action::LoadMesh => {
-                self.dialog = Some(Dialog::File(FileDialog::new(Purpose::Mesh, here)));
+                self.dialog = Some(Dialog::File(self.asking(Purpose::Mesh, here)));
             }
             Action::Export => {
                 self.dialog = Some(Dialog::Export(Box::new(ExportDialog::new(&self.desk))));
@@ -76,6 +75,17 @@ impl App {
             .map(Path::to_owned)
             .or_else(|| std::env::current_dir().ok())
             .unwrap_or_default()
+    }
+
+    /// A dialog for a file that comes into the document; where that has no file yet it says so.
+    fn asking(&self, purpose: Purpose, here: PathBuf) -> FileDialog {
+        let dialog = FileDialog::new(purpose, here);
+        match self.desk.studio.document().path() {
+            Some(_) => dialog,
+            None => dialog.with_note(
+                "What a recipe reads lies beside it, and this one has no file yet: after this you are asked where it is to be.",
+            ),
+        }
     }
 
     pub(super) fn ask_where_to_save(&mut self, purpose: Purpose) {
@@ -183,6 +193,8 @@ impl App {
                 self.desk.told(added);
                 self.desk.redraw = self.desk.redraw.or(Redraw::Sharp);
             }
+            Wish::AllowOutside => self.desk.studio.allow_outside(),
+            Wish::Import(told) if told.layer.is_some() => self.say_anew(*told),
             Wish::Import(told) => {
                 if let Some(folder) = self.own_folder() {
                     let begun = Intake::begin_textures(*told, &folder, ctx);
@@ -208,7 +220,7 @@ impl App {
                 self.desk.told(done);
                 self.desk.studio.seal();
             }
-            Wish::Large(LargeThing::Mesh(path)) => self.take_in_if(ctx, Part::Mesh, &path, true),
+            Wish::Large(LargeThing::File(part, path)) => self.take_in_if(ctx, part, &path, true),
             Wish::EditKeys => self.edit_keys(),
         }
     }
@@ -219,7 +231,57 @@ impl App {
             Purpose::SaveAs | Purpose::SaveThen => self.save(ctx, path),
             Purpose::Import => self.take_in(ctx, Part::Map, path),
             Purpose::Mesh => self.take_in(ctx, Part::Mesh, path),
+            Purpose::Find => {
+                if let (Some(old), Some(folder)) = (self.finding.take(), self.own_folder()) {
+                    let begun = Intake::begin_found(old, path, &folder, ctx);
+                    self.intake = self.desk.told(begun);
+                }
+            }
             Purpose::ExportFolder => {}
+        }
+    }
+
+    /// Opens the dialog that a panel asks for.
+    pub(super) fn follow_wanted(&mut self, ctx: &Context) {
+        let Some(wanted) = self.desk.wanted.take() else {
+            return;
+        };
+        let Some(folder) = self.own_folder() else {
+            return;
+        };
+        match wanted {
+            Wanted::Find(name) => {
+                let note = format!("{name} is missing: which file is to take its place?");
+                let dialog = FileDialog::new(Purpose::Find, self.here()).with_note(note);
+                self.dialog = Some(Dialog::File(dialog));
+                self.finding = Some(name);
+            }
+            Wanted::Convention(at) => {
+                let Some(layer) = self.desk.studio.recipe().layers.get(at) else {
+                    return;
+                };
+                if let Source::Image(Image {
+                    textures: Some(textures),
+                    ..
+                }) = &layer.source
+                {
+                    let (name, textures) = (layer.name().to_owned(), textures.clone());
+                    let begun = Intake::begin_again(name, textures, &folder, ctx);
+                    self.intake = self.desk.told(begun);
+                }
+            }
+        }
+    }
+
+    /// Takes over what was said anew of a layer's textures.
+    fn say_anew(&mut self, told: Told) {
+        let layers = &self.desk.studio.recipe().layers;
+        let at = layers
+            .iter()
+            .position(|l| Some(l.name()) == told.layer.as_deref());
+        if let Some(at) = at {
+            let done = self.desk.studio.set_textures(at, told.textures);
+            self.desk.told(done);
         }
     }
 
@@ -310,7 +372,8 @@ impl App {
 
     /// Shows a recipe; asks first where its map takes more memory than there is.
     pub(super) fn begin(&mut self, ctx: &Context, file: RecipeFile, path: Option<PathBuf>) {
-        if let Some(warning) = too_large(file.recipe(), file.recipe().size) {
+        let files = file.files(false);
+        if let Some(warning) = document_warning(file.recipe(), &files, bytes_free()) {
             let what = LargeThing::Document(Box::new(file), path);
             self.desk.large = Some(Large { warning, what });
             ctx.request_repaint();
@@ -338,6 +401,8 @@ impl App {
         self.intake = None;
         self.desk.reading = None;
         self.desk.exported.clear();
+        self.desk.ask_outside = true;
+        self.finding = None;
         let viewport = self.desk.studio.viewport_mut();
         viewport.resize(size);
         viewport.set_show(show);
