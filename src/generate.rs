@@ -5,6 +5,7 @@ use crate::convention::{MapInfo, Reflectance};
 use crate::error::{Error, Result};
 use crate::export::exr::{Precision, write_master, write_rgb_pair};
 use crate::export::gltf::{GltfOptions, GltfReport, write_glb, write_gltf};
+use crate::export::laid::{Copies, bring};
 use crate::export::png::{Depth, README, write_picture, write_readme, write_set};
 use crate::export::{Export, Written, beside, write_atomic};
 use crate::import::gltf::read_gltf;
@@ -76,6 +77,9 @@ pub struct Job {
     pub allow_outside: bool,
     /// Whether `README_png.txt` is written beside PNG sets.
     pub readme: bool,
+    /// Whether the copy of the recipe gets copies of the files that it reads beside it, so that it can be opened there. Otherwise
+    /// it names them where they are.
+    pub copies: bool,
 }
 
 /// What came of a job.
@@ -201,7 +205,8 @@ impl Job {
         }
         self.refuse_own_files(&files)?;
         make_folder(&self.folder)?;
-        let (copy, mesh_word) = self.copy_of_recipe()?;
+        let (used, copies) = watch.stage("copying", |progress| self.used_recipe(progress))?;
+        let (copy, mesh_word) = self.copy_of_recipe(&used)?;
         let mut made = Made::default();
         let (map, mended) = made.time("fill", || fill(&self.file, &files, watch))?;
         made.mended = mended;
@@ -229,6 +234,10 @@ impl Job {
             let path = self.path(".toml");
             made.files
                 .push(write_atomic(&path, |f| f.write_all(text.as_bytes()))?);
+        }
+        for path in copies.keep() {
+            let bytes = fs::metadata(&path).map_err(Error::read(&path))?.len();
+            made.files.push(Written { path, bytes });
         }
         Ok(made)
     }
@@ -293,9 +302,18 @@ impl Job {
         }
     }
 
-    /// The recipe as it was used, with the mesh that it was used with, as a file of the maps' folder.
-    fn used_recipe(&self) -> Result<RecipeFile> {
-        let mut used = self.file.moved(&self.folder)?;
+    /// The recipe as it was used, with the mesh that it was used with, as a file of the maps' folder; with copies of what it
+    /// reads where they are wanted, which go again unless they are kept.
+    fn used_recipe(&self, progress: &Progress<'_>) -> Result<(RecipeFile, Copies)> {
+        let (mut used, copies) = if self.copies {
+            let files = self.file.files(self.allow_outside);
+            let names = self.file.recipe().files();
+            let wanted = || progress.check().is_ok();
+            let (way, copies) = bring(&files, names, &self.folder, &self.paths(), &wanted)?;
+            (self.file.moved_by(way.as_ref(), &self.folder), copies)
+        } else {
+            (self.file.moved(&self.folder)?, Copies::default())
+        };
         if let Some(word) = &self.mesh {
             let word = if is_path(word) {
                 let (file, projection) = Projection::split(word);
@@ -306,13 +324,12 @@ impl Job {
             };
             used.set(&[("mesh", serde_json::Value::from(word).to_string())])?;
         }
-        Ok(used)
+        Ok((used, copies))
     }
 
     /// The text of the recipe to lie beside the maps, and the mesh in it; no text where just that lies there already. A
     /// recipe that somebody wrote is never written over.
-    fn copy_of_recipe(&self) -> Result<(Option<String>, Option<String>)> {
-        let used = self.used_recipe()?;
+    fn copy_of_recipe(&self, used: &RecipeFile) -> Result<(Option<String>, Option<String>)> {
         let mesh = used.recipe().mesh.clone();
         let text = used.to_toml();
         let heads = [MARK, OUTSIDE].map(|head| format!("{head}\n"));
@@ -535,6 +552,7 @@ mod tests {
             mesh: None,
             allow_outside: false,
             readme: true,
+            copies: false,
         }
     }
 
@@ -576,6 +594,46 @@ mod tests {
             ..job(folder.path(), text, &[Target::Exr])
         };
         other.make(&Unwatched).unwrap();
+    }
+
+    #[test]
+    fn the_copy_of_a_recipe_opens_where_it_lies() {
+        let root = tempfile::tempdir().unwrap();
+        let out = root.path().join("out");
+        let text = "version = 1\nsize = 4\n";
+        job(root.path(), text, &[Target::Exr])
+            .make(&Unwatched)
+            .unwrap();
+        // The map that is read has the name of the one that is made.
+        let text = "version = 1\nsize = 4\n[[layers]]\n[layers.image]\nfile = 'x.exr'\n";
+        let job = Job {
+            folder: out.clone(),
+            copies: true,
+            ..job(root.path(), text, &[Target::Exr])
+        };
+        for _ in 0..2 {
+            job.make(&Unwatched).unwrap();
+            let copy = RecipeFile::read(out.join("x.toml")).unwrap();
+            assert!(!copy.names_outside(), "{}", copy.to_toml());
+            fill(&copy, &copy.files(false), &Unwatched).unwrap();
+        }
+        let names = fs::read_dir(&out).unwrap();
+        let mut names: Vec<_> = names.map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["x.exr", "x.toml", "x_2.exr"]);
+        // Without copies it names what it reads where that lies.
+        fs::remove_dir_all(&out).unwrap();
+        Job {
+            copies: false,
+            ..job
+        }
+        .make(&Unwatched)
+        .unwrap();
+        assert!(
+            RecipeFile::read(out.join("x.toml"))
+                .unwrap()
+                .names_outside()
+        );
     }
 
     #[test]

@@ -29,6 +29,7 @@ pub(super) fn run(args: GenerateArgs) -> Result {
         stem: file.recipe().name.clone(),
         formats: formats(&args.formats, file.recipe(), &Target::DEFAULT),
         readme: true,
+        copies: false,
         precision: if args.float {
             Precision::Float
         } else {

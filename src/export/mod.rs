@@ -5,6 +5,7 @@
 pub mod codes;
 pub mod exr;
 pub mod gltf;
+pub mod laid;
 pub mod png;
 
 use crate::convention::MapInfo;

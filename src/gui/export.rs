@@ -264,8 +264,9 @@ impl ExportDialog {
             formats: self.targets.clone(),
             precision: Precision::Half,
             mesh: None,
-            allow_outside: false,
+            allow_outside: desk.studio.document().files().allow_outside,
             readme: true,
+            copies: true,
         })
     }
 

@@ -1,13 +1,12 @@
 //! The recipe that is being worked on, its file, and whether the file says the same.
 
-use super::beside::lay_beside;
 use super::journal::Base;
 use super::{Edit, Touched};
 use crate::error::{Error, Result};
+use crate::export::laid::bring;
 use crate::export::{real_path, write_atomic};
 use crate::map::Size;
-use crate::mesh;
-use crate::recipe::{BYTES_MAX, Files, Recipe, RecipeFile, Stamp, Way, leaves_folder, name_from};
+use crate::recipe::{BYTES_MAX, Files, Recipe, RecipeFile, Stamp, leaves_folder, name_from};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
@@ -253,12 +252,10 @@ impl Document {
         };
         file.update(recipe)?;
         let folder = folder_of(path);
-        let (way, brought) = self.bring(
-            file.recipe()
-                .files()
-                .chain(named.iter().map(String::as_str)),
-            &folder,
-        )?;
+        let names = file.recipe().files();
+        let names = names.chain(named.iter().map(String::as_str));
+        let (way, copies) = bring(&self.files(), names, &folder, &[], &|| true)?;
+        let brought = way.as_ref().map_or(Brought::new(), |w| w.copied.clone());
         let file = file.moved_by(way.as_ref(), &folder).saved_as(path);
         let text = file.to_toml();
         if text.len() as u64 > bytes_max {
@@ -270,6 +267,7 @@ impl Document {
                 .with_hint("Take strokes away, or put some layers into another recipe"));
         }
         write_atomic(&real_path(path), |to| to.write_all(text.as_bytes()))?;
+        copies.keep();
         self.recipe = file.recipe().clone();
         self.file = file;
         self.path = Some(path.to_owned());
@@ -277,33 +275,6 @@ impl Document {
         self.saved = self.revision;
         self.brought = brought;
         Ok(())
-    }
-
-    /// Copies the files that a recipe names beside it, where it goes to another folder and could not name them from there.
-    fn bring<'a>(
-        &self,
-        names: impl Iterator<Item = &'a str>,
-        folder: &Path,
-    ) -> Result<(Option<Way>, Brought)> {
-        let files = self.files();
-        let Some(mut way) = Way::between(files.folder.as_deref(), folder)? else {
-            return Ok((None, Brought::new()));
-        };
-        let home = folder.canonicalize().map_err(Error::read(folder))?;
-        for name in names {
-            // What is not there, or may not be named, keeps its name, and is told of when it is looked for.
-            let Ok(real) = files.resolve("file", name) else {
-                continue;
-            };
-            let path = way.place_of(name);
-            if !real.starts_with(&home) && !way.copied.contains_key(&real) {
-                let needed = mesh::companions(&path).unwrap_or_default();
-                let laid = lay_beside(&path, &needed, folder)?;
-                way.copied.insert(real, laid.name);
-            }
-        }
-        let brought = way.copied.clone();
-        Ok((Some(way), brought))
     }
 
     /// The files that were copied beside the recipe when it was last saved: where they are from, and what it calls them.

@@ -13,7 +13,6 @@ pub mod orbit;
 pub mod parameters;
 pub mod settings;
 
-pub mod beside;
 mod canvas;
 mod document;
 mod edit;

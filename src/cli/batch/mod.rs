@@ -165,6 +165,7 @@ fn make(item: &Item, args: &BatchArgs) -> Result<Success, Option<Failure>> {
         stem: item.name.clone(),
         formats: formats(&item.formats, file.recipe(), &FORMATS),
         readme: false,
+        copies: false,
         precision: Precision::Half,
         mesh: item.mesh.clone(),
         allow_outside: args.allow_outside,

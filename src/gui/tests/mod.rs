@@ -520,6 +520,7 @@ fn what_the_window_exports_is_what_generate_writes() {
         mesh: None,
         allow_outside: false,
         readme: true,
+        copies: false,
     };
     let made = job.make(&anisomap::generate::Unwatched).unwrap();
     assert!(made.files.len() > 18);
