@@ -89,7 +89,7 @@ impl Numbers {
             Body::Exr(_) => {
                 let (plane, size) = exr::read_channel(path, channel)?;
                 return match size == self.size {
-                    true => Ok(Plane::Read(plane)),
+                    true => Ok(Plane(Held::Alone(plane))),
                     false => Err(Error::file(path, "its parts differ in size")),
                 };
             }
@@ -123,7 +123,7 @@ impl Numbers {
             }
         };
         let every = usize::from(picture.color().channel_count());
-        Ok(Plane::Stored { stored, at, every })
+        Ok(Plane(Held::Among(stored, at, every)))
     }
 
     /// The numbers of a channel in row order, top row first.
@@ -137,25 +137,17 @@ impl Numbers {
 }
 
 /// A channel of a picture.
-pub enum Plane<'a> {
-    /// As the picture holds it, among the others.
-    #[doc(hidden)]
-    Stored {
-        /// All numbers of the picture.
-        stored: Stored<'a>,
-        /// The place of the first.
-        at: usize,
-        /// The distance from one to the next.
-        every: usize,
-    },
+pub struct Plane<'a>(Held<'a>);
+
+enum Held<'a> {
+    /// As the picture holds it, among the others: the place of the first number, and the distance from one to the next.
+    Among(Stored<'a>, usize, usize),
     /// Alone.
-    #[doc(hidden)]
-    Read(Vec<f32>),
+    Alone(Vec<f32>),
 }
 
 /// The numbers of a picture, channel by channel for each texel.
-#[doc(hidden)]
-pub enum Stored<'a> {
+enum Stored<'a> {
     Bytes(&'a [u8]),
     Words(&'a [u16]),
     Floats(&'a [f32]),
@@ -167,9 +159,9 @@ impl Plane<'_> {
     /// # Panics
     /// Past the last texel.
     pub fn number(&self, i: usize) -> f32 {
-        match self {
-            Self::Read(plane) => plane[i],
-            Self::Stored { stored, at, every } => {
+        match &self.0 {
+            Held::Alone(plane) => plane[i],
+            Held::Among(stored, at, every) => {
                 let i = at + every * i;
                 match stored {
                     Stored::Bytes(raw) => f32::from(raw[i]) / 255.0,
