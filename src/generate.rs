@@ -16,6 +16,7 @@ use crate::progress::Progress;
 use crate::recipe::{Files, Material, Recipe, RecipeFile, Target, is_path, seen_from};
 use glam::Vec3;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -309,7 +310,14 @@ impl Job {
             let files = self.file.files(self.allow_outside);
             let names = self.file.recipe().files();
             let wanted = || progress.check().is_ok();
-            let (way, copies) = bring(&files, names, &self.folder, &self.paths(), &wanted)?;
+            let (way, copies) = bring(
+                &files,
+                &BTreeMap::new(),
+                names,
+                &self.folder,
+                &self.paths(),
+                &wanted,
+            )?;
             (self.file.moved_by(way.as_ref(), &self.folder), copies)
         } else {
             (self.file.moved(&self.folder)?, Copies::default())

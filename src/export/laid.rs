@@ -4,6 +4,7 @@ use super::write_atomic;
 use crate::error::{Error, Result, open_regular};
 use crate::mesh;
 use crate::recipe::{Files, Way};
+use std::collections::BTreeMap;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
@@ -169,13 +170,14 @@ fn lay(
     Ok(Laid { name, news })
 }
 
-/// Copies the files that a recipe names into another folder, on no path that is `reserved`; gives the way there, or `None` where
+/// Copies the files that a recipe names into another folder, but for those that were copied `before`, on no path that is `reserved`; gives the way there, or `None` where
 /// names stay as they are. What may not be named, or is not there, keeps its name.
 ///
 /// # Errors
 /// As [`lay_beside`], and [`Error::Cancelled`] once it is not wanted any more. Nothing is left of it then.
 pub(crate) fn bring<'a>(
     files: &Files,
+    before: &BTreeMap<PathBuf, String>,
     names: impl Iterator<Item = &'a str>,
     folder: &Path,
     reserved: &[PathBuf],
@@ -185,6 +187,7 @@ pub(crate) fn bring<'a>(
     let Some(mut way) = Way::between(files.folder.as_deref(), folder)? else {
         return Ok((None, copies));
     };
+    way.copied.clone_from(before);
     let home = folder.canonicalize().map_err(Error::read(folder))?;
     for name in names {
         let Ok(real) = files.resolve("file", name) else {
@@ -279,7 +282,9 @@ mod tests {
         };
         let names = || ["a.png", "deep/b.png", "missing.png"].into_iter();
         let reserved = [to.join("a.png")];
-        let bring = |wanted: &dyn Fn() -> bool| bring(&files, names(), &to, &reserved, wanted);
+        let none = BTreeMap::new();
+        let bring =
+            |wanted: &dyn Fn() -> bool| bring(&files, &none, names(), &to, &reserved, wanted);
         let (way, copies) = bring(&|| true).unwrap();
         let named: Vec<String> = way.unwrap().copied.into_values().collect();
         assert_eq!(named, ["a_2.png", "b.png"]);

@@ -14,12 +14,15 @@ use super::layers::LayersPanel;
 use super::properties::PropertiesPanel;
 use super::theme;
 use super::viewport::ViewportPane;
-use super::watch::Watch;
+use super::watch::{Watch, WatchAll};
+use super::work::Work;
 use anisomap::Error;
 use anisomap::recipe::{self, RecipeFile};
 use anisomap::studio::keymap::Keymap;
 use anisomap::studio::settings::{Folders, Settings};
-use anisomap::studio::{Options, Studio, bytes_free, document_warning, left_behind, welcome};
+use anisomap::studio::{
+    Copied, Options, Studio, bytes_free, document_warning, left_behind, welcome,
+};
 use documents::tell_read_only;
 use eframe::egui::{self, Context, Ui, ViewportCommand};
 use std::path::PathBuf;
@@ -40,6 +43,11 @@ pub(crate) struct App {
     dressed: bool,
     watch: Watch,
     watch_keys: Watch,
+    /// The files that the recipe reads, and the document and revision that they were asked of.
+    watch_files: WatchAll,
+    watched: Option<(Option<PathBuf>, u64, bool)>,
+    /// What is copied before the document is saved there.
+    saving: Option<(PathBuf, Work<Result<Copied, Error>>)>,
     /// A file that is being taken in, and those that come after it.
     intake: Option<Intake>,
     waiting: Vec<PathBuf>,
@@ -163,6 +171,9 @@ impl App {
             dressed: false,
             watch: Watch::default(),
             watch_keys: Watch::default(),
+            watch_files: WatchAll::default(),
+            watched: None,
+            saving: None,
             intake: None,
             waiting: Vec::new(),
             to_reload: false,
@@ -208,6 +219,8 @@ impl App {
         self.take_dropped(&ctx);
         self.follow_intake(&ctx);
         self.follow_file(&ctx);
+        self.follow_files(&ctx);
+        self.follow_saving(&ctx);
         self.follow_keys();
         self.menu_bar(ui);
         if self.desk.panels {

@@ -2,10 +2,10 @@
 
 use super::guides::GuideHand;
 use super::intake::Part;
-use super::messages::Messages;
+use super::messages::{About, Messages};
 use anisomap::Error;
 use anisomap::map::Rect;
-use anisomap::recipe::{Layer, RecipeFile, Source};
+use anisomap::recipe::{Layer, RecipeFile, Source, Stamp};
 use anisomap::studio::action::Action;
 use anisomap::studio::hand::Hand;
 use anisomap::studio::keymap::Keymap;
@@ -13,7 +13,7 @@ use anisomap::studio::settings::{Folders, Settings};
 use anisomap::studio::{Header, LayerHead, Studio, Tick};
 use eframe::egui::{Context, Id};
 use glam::Vec2;
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -95,8 +95,8 @@ pub(crate) struct Desk {
     pub(crate) wanted: Option<Wanted>,
     /// Whether it is still to be asked about files outside the recipe's folder.
     pub(crate) ask_outside: bool,
-    /// Files that this document wrote, or may write over.
-    pub(crate) exported: HashSet<PathBuf>,
+    /// Files that this document wrote, or may write over, as they were then.
+    pub(crate) exported: HashMap<PathBuf, Option<Stamp>>,
     /// The control that takes the keyboard first.
     pub(crate) first_control: Option<Id>,
     asked: Vec<Action>,
@@ -144,7 +144,7 @@ impl Desk {
             large: None,
             wanted: None,
             ask_outside: false,
-            exported: HashSet::new(),
+            exported: HashMap::new(),
             first_control: None,
             asked: Vec::new(),
             strokes: 0,
@@ -181,7 +181,17 @@ impl Desk {
             picture,
         };
         for error in self.studio.take_trouble() {
-            self.messages.error(error);
+            let text = error.to_string();
+            let about = match self.studio.is_still_told(&text) {
+                true => About::LeftOut,
+                false => About::Anything,
+            };
+            self.messages.error_about(about, text);
+        }
+        if new_map {
+            let studio = &self.studio;
+            let still = |text: &str| studio.is_still_told(text);
+            self.messages.retain_about(About::LeftOut, still);
         }
         if self.studio.is_behind() {
             // What is left of a large change is drawn in the next frames.

@@ -76,8 +76,8 @@ pub(crate) enum Wish {
     Go(Then),
     /// Goes on, or asks first where work is not saved.
     Leave(Then),
-    /// A preset's layers come into the document.
-    AddPreset(&'static Preset),
+    /// A preset's layers come into the document, without the lowest one where so wanted.
+    AddPreset(&'static Preset, bool),
     /// Textures come in, now that it is said what they mean.
     Import(Box<Told>),
     /// A path was chosen.
@@ -238,7 +238,10 @@ fn contents(ui: &mut Ui, dialog: &mut Dialog, desk: &mut Desk) -> (Next, Option<
         Dialog::Presets(browser) => match browser.show(ui) {
             PresetWish::Stay => (Next::Stay, None),
             PresetWish::Close => (Next::Close, None),
-            PresetWish::Add(preset) => (Next::Close, Some(Wish::AddPreset(preset))),
+            PresetWish::Add(preset, without_ground) => {
+                let wish = Wish::AddPreset(preset, without_ground);
+                (Next::Close, Some(wish))
+            }
             PresetWish::Open(preset) => (Next::Close, Some(Wish::Leave(Then::Preset(preset)))),
         },
         Dialog::Shortcuts(help) => {

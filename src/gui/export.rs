@@ -13,7 +13,7 @@ use anisomap::export::png::README;
 use anisomap::generate::{Job, Made, Watch};
 use anisomap::map::Size;
 use anisomap::progress::Progress;
-use anisomap::recipe::Target;
+use anisomap::recipe::{Stamp, Target};
 use anisomap::studio::apart;
 use eframe::egui::{self, RichText, Ui};
 use std::path::{Path, PathBuf};
@@ -224,11 +224,16 @@ impl ExportDialog {
     /// Asks about files that would be replaced.
     fn ask(&mut self, ui: &mut Ui, desk: &mut Desk) -> Wish {
         let text = match self.over.len() {
-            1 => "A file is there already, and was not written from this document in this session."
+            1 => "A file is there already: it was not written from this document in this session, or changed since."
                 .to_owned(),
             n => format!(
-                "{n} files are there already, and were not written from this document in this session."
+                "{n} files are there already: they were not written from this document in this session, or changed since."
             ),
+        };
+        let replace = if self.over.len() == 1 {
+            "Replace it"
+        } else {
+            "Replace them"
         };
         ui.add(egui::Label::new(text).wrap());
         file_list(ui, self.over.iter().map(|path| (path.as_path(), None)));
@@ -241,11 +246,12 @@ impl ExportDialog {
                 self.over.clear();
             }
             if ui
-                .button("Replace them")
+                .button(replace)
                 .on_hover_text("Writes over these files.")
                 .clicked()
             {
-                desk.exported.extend(self.over.drain(..));
+                let as_they_are = |path: PathBuf| (path.clone(), Stamp::of(&path));
+                desk.exported.extend(self.over.drain(..).map(as_they_are));
                 self.begin(ui, desk);
             }
         });
@@ -280,10 +286,14 @@ impl ExportDialog {
                 return;
             }
         };
+        let is_ours = |path: &PathBuf| {
+            let then = desk.exported.get(path);
+            then.is_some_and(|then| *then == Stamp::of(path))
+        };
         self.over = job.paths();
         // What stands in the text beside PNG sets is the same for all.
         self.over
-            .retain(|p| p.exists() && !p.ends_with(README) && !desk.exported.contains(p));
+            .retain(|p| p.exists() && !p.ends_with(README) && !is_ours(p));
         if !self.over.is_empty() {
             return;
         }
@@ -306,7 +316,8 @@ impl ExportDialog {
                 let files = count(report.files.len(), "file");
                 desk.messages
                     .news(format!("{files} written to {}", report.folder.display()));
-                let paths = report.files.iter().map(|f| f.path.clone());
+                let files = report.files.iter();
+                let paths = files.map(|f| (f.path.clone(), Stamp::of(&f.path)));
                 desk.exported.extend(paths);
                 self.report = Some(report);
             }
@@ -416,7 +427,7 @@ impl Watch for Stages<'_> {
 fn write(job: &Job, reins: &Reins) -> Result<Report, Error> {
     let stages = Stages {
         reins,
-        all: 2 + job.formats.len() as u32,
+        all: 3 + job.formats.len() as u32,
         done: AtomicU32::new(0),
     };
     let made = job.make(&stages)?;

@@ -32,7 +32,21 @@ const NEWS: Duration = Duration::from_secs(6);
 /// The most messages that are shown.
 const MOST: usize = 4;
 
+/// What an error is about: it goes by itself once that is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum About {
+    /// It stays until it is closed, or another document is opened.
+    Anything,
+    /// The document could not be saved.
+    Saving,
+    /// Something of the document is not shown.
+    LeftOut,
+}
+
 struct Message {
+    /// As it was told.
+    whole: String,
+    about: About,
     text: String,
     is_error: bool,
     since: Instant,
@@ -49,20 +63,38 @@ pub(crate) struct Messages {
 impl Messages {
     /// Something went wrong, and what to do.
     pub(crate) fn error(&mut self, error: impl ToString) {
-        self.add(error.to_string(), true);
+        self.error_about(About::Anything, error);
+    }
+
+    /// Something went wrong that may be over by itself.
+    pub(crate) fn error_about(&mut self, about: About, error: impl ToString) {
+        self.add(error.to_string(), true, about);
+    }
+
+    /// Takes away the errors about something, but for those that still hold.
+    pub(crate) fn retain_about(&mut self, about: About, still: impl Fn(&str) -> bool) {
+        self.shown
+            .retain(|m| !m.is_error || m.about != about || still(&m.whole));
+    }
+
+    /// Takes away every error: they were about another document.
+    pub(crate) fn forget_errors(&mut self) {
+        self.shown.retain(|m| !m.is_error);
     }
 
     /// Something was done.
     pub(crate) fn news(&mut self, text: impl Into<String>) {
-        self.add(text.into(), false);
+        self.add(text.into(), false, About::Anything);
     }
 
-    fn add(&mut self, text: String, is_error: bool) {
-        let text = without_numbers(&text);
+    fn add(&mut self, whole: String, is_error: bool, about: About) {
+        let text = without_numbers(&whole);
         // The same twice is one message: a full disk would fill the window with them.
         self.shown.retain(|m| m.text != text);
         self.count += 1;
         self.shown.push(Message {
+            whole,
+            about,
             text,
             is_error,
             since: Instant::now(),
@@ -154,6 +186,21 @@ fn row(ui: &mut egui::Ui, message: &Message) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn errors_go_when_what_they_are_about_is_over() {
+        let mut messages = Messages::default();
+        messages.error("a");
+        messages.error_about(About::Saving, "cannot write b (os error 2)");
+        messages.error_about(About::LeftOut, "c (os error 2)");
+        messages.news("saved");
+        messages.retain_about(About::Saving, |_| false);
+        assert_eq!(messages.texts(), ["a", "c", "saved"]);
+        messages.retain_about(About::LeftOut, |text| text == "c (os error 2)");
+        assert_eq!(messages.texts(), ["a", "c", "saved"]);
+        messages.forget_errors();
+        assert_eq!(messages.texts(), ["saved"]);
+    }
 
     #[test]
     fn numbers_of_errors_are_for_programs() {

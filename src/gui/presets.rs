@@ -32,6 +32,8 @@ pub(crate) struct PresetBrowser {
     begun_search: bool,
     /// The number of the one that was chosen.
     chosen: Option<usize>,
+    /// Whether the lowest layer, which hides what lies below it, does not come along.
+    without_ground: bool,
 }
 
 /// What the browser wants done.
@@ -39,8 +41,8 @@ pub(crate) enum Wish {
     Stay,
     Close,
     Open(&'static Preset),
-    /// Its layers come into the document.
-    Add(&'static Preset),
+    /// Its layers come into the document, without the lowest one where so wanted.
+    Add(&'static Preset, bool),
 }
 
 impl PresetBrowser {
@@ -112,7 +114,10 @@ impl PresetBrowser {
                 (
                     "Add as layers",
                     "Puts its layers above the selected one, as one step that can be undone.",
-                    Wish::Add,
+                    match self.without_ground {
+                        true => |preset| Wish::Add(preset, true),
+                        false => |preset| Wish::Add(preset, false),
+                    },
                 ),
             ] {
                 let button = ui.add_enabled(chosen.is_some(), egui::Button::new(text));
@@ -120,6 +125,10 @@ impl PresetBrowser {
                     wish = make(preset);
                 }
             }
+            ui.checkbox(&mut self.without_ground, "without its ground")
+                .on_hover_text(
+                    "Leaves out the lowest layer of several, which would hide what is there: for Add as layers.",
+                );
             if ui.button("Close").clicked() {
                 wish = Wish::Close;
             }

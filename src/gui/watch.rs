@@ -63,6 +63,58 @@ impl Watch {
     }
 }
 
+/// Looks after any number of files.
+#[derive(Default)]
+pub(crate) struct WatchAll {
+    paths: Vec<PathBuf>,
+    work: Option<Work<()>>,
+}
+
+impl WatchAll {
+    /// Looks after these files from now on, as they are now.
+    pub(crate) fn look_after(&mut self, paths: Vec<PathBuf>, ctx: &Context) {
+        if paths == self.paths {
+            return;
+        }
+        self.paths = paths.clone();
+        self.work = None;
+        if paths.is_empty() {
+            return;
+        }
+        let look = move || -> Vec<Stamp> { paths.iter().map(|path| stamp(path)).collect() };
+        let mut told = look();
+        let watch = move |reins: &super::work::Reins, give: &dyn Fn(()) -> bool| {
+            let mut before = told.clone();
+            while reins.go_on() {
+                std::thread::sleep(PAUSE);
+                let now = look();
+                // A file that is still being written waits for its end.
+                if now == before && now != told {
+                    told.clone_from(&now);
+                    if !give(()) {
+                        return;
+                    }
+                }
+                before = now;
+            }
+        };
+        self.work = Work::begin("watch files", ctx, watch).ok(); // unwatched, they are as before
+    }
+
+    /// Whether another program has changed one of them since the last call.
+    pub(crate) fn changed(&mut self) -> bool {
+        let mut changed = false;
+        while let Some(work) = &self.work {
+            match work.now() {
+                Now::Came(()) => changed = true,
+                Now::Over => self.work = None,
+                Now::Going => break,
+            }
+        }
+        changed
+    }
+}
+
 fn stamp(path: &Path) -> Stamp {
     let about = std::fs::metadata(path).ok()?;
     Some((about.modified().ok()?, about.len()))

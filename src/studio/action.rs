@@ -92,10 +92,10 @@ actions! {
         Save "save" "Save" "Saves the recipe under its name" ["Ctrl+S"]
         SaveAs "save_as" "Save as…" "Saves the recipe under another name" ["Ctrl+Shift+S"]
         Presets "presets" "Presets…" "Shows the built-in recipes" ["Ctrl+P"]
-        Import "import" "Import map…" "Lays a map from a file over what is there, as a layer" ["Ctrl+I"]
+        Import "import" "Import map or textures…" "Lays a finished map, or the textures of another program, over what is there as a layer" ["Ctrl+I"]
         LoadMesh "load_mesh" "Load mesh…" "Shows the map on a GLB, glTF or OBJ mesh" ["Ctrl+M"]
         Export "export" "Export…" "Writes files for other programs" ["Ctrl+Shift+E"]
-        ExportAgain "export_again" "Export again" "Writes the same files as the last time, without asking" ["Ctrl+E"]
+        ExportAgain "export_again" "Export again" "Writes the same files as the last time; asks only where another program has changed them" ["Ctrl+E"]
         Quit "quit" "Quit" "Closes the window; asks when work is not saved" ["Ctrl+Q"]
     }
     Edit {

@@ -1,12 +1,15 @@
 //! The recipe that is being worked on, its file, and whether the file says the same.
 
 use super::journal::Base;
+use super::welcome::WELCOME;
 use super::{Edit, Touched};
 use crate::error::{Error, Result};
 use crate::export::laid::bring;
 use crate::export::{real_path, write_atomic};
 use crate::map::Size;
-use crate::recipe::{BYTES_MAX, Files, Recipe, RecipeFile, Stamp, leaves_folder, name_from};
+use crate::recipe::{
+    BYTES_MAX, Files, PRESETS, Recipe, RecipeFile, Stamp, leaves_folder, name_from,
+};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
@@ -209,12 +212,18 @@ impl Document {
     /// [`Error::Write`] when the folder or disk takes no file, [`Error::File`] when it is too long to be read again, and as
     /// [`RecipeFile::update`]. The document is as before.
     pub fn save(&mut self, path: &Path) -> Result<()> {
-        self.save_within(BYTES_MAX, path, &[])
+        self.save_within(BYTES_MAX, path, &[], &Brought::new())
     }
 
-    /// As [`Document::save`]; files that are named elsewhere, as by what was undone, come along.
-    pub(super) fn save_with(&mut self, path: &Path, named: &[String]) -> Result<()> {
-        self.save_within(BYTES_MAX, path, named)
+    /// As [`Document::save`]; files that are named elsewhere, as by what was undone, come along. What was copied before is not
+    /// copied again.
+    pub(super) fn save_with(
+        &mut self,
+        path: &Path,
+        named: &[String],
+        before: &Brought,
+    ) -> Result<()> {
+        self.save_within(BYTES_MAX, path, named, before)
     }
 
     /// Whether a path leads to the document's own file.
@@ -239,7 +248,26 @@ impl Document {
         }
     }
 
-    fn save_within(&mut self, bytes_max: u64, path: &Path, named: &[String]) -> Result<()> {
+    /// What the recipe is described as once it is saved: what a preset or the first scene says of itself is not true of what
+    /// was made of it.
+    fn description(&self) -> String {
+        let description = &self.recipe.description;
+        let built_in = PRESETS.iter().any(|p| p.description() == *description);
+        let is_new = self.path.is_none() && self.is_changed();
+        if description == WELCOME || (is_new && built_in) {
+            String::new()
+        } else {
+            description.clone()
+        }
+    }
+
+    fn save_within(
+        &mut self,
+        bytes_max: u64,
+        path: &Path,
+        named: &[String],
+        before: &Brought,
+    ) -> Result<()> {
         if self.is_read_only() && self.is_its_file(path) {
             let problem = "it is of a newer version, and saving would lose what is not known here";
             return Err(Error::file(path, problem).with_hint("Save it under another name"));
@@ -248,13 +276,14 @@ impl Document {
         let recipe = Recipe {
             version: file.recipe().version,
             name: self.name_for(path),
+            description: self.description(),
             ..self.recipe.clone()
         };
         file.update(recipe)?;
         let folder = folder_of(path);
         let names = file.recipe().files();
         let names = names.chain(named.iter().map(String::as_str));
-        let (way, copies) = bring(&self.files(), names, &folder, &[], &|| true)?;
+        let (way, copies) = bring(&self.files(), before, names, &folder, &[], &|| true)?;
         let brought = way.as_ref().map_or(Brought::new(), |w| w.copied.clone());
         let file = file.moved_by(way.as_ref(), &folder).saved_as(path);
         let text = file.to_toml();
@@ -284,7 +313,7 @@ impl Document {
 }
 
 /// Files that were copied, and what they are called since.
-type Brought = BTreeMap<PathBuf, String>;
+pub(super) type Brought = BTreeMap<PathBuf, String>;
 
 /// The folder that a file lies in.
 pub(super) fn folder_of(path: &Path) -> PathBuf {
@@ -393,13 +422,15 @@ mod tests {
         let mut document = read(&path);
         change(&mut document);
         let error = document
-            .save_within(20, &path, &[])
+            .save_within(20, &path, &[], &Brought::new())
             .unwrap_err()
             .to_string();
         assert!(error.contains("allowed: 20"), "{error}");
         assert_eq!(fs::read_to_string(&path).unwrap(), TEXT);
         assert!(document.is_changed());
-        document.save_within(1000, &path, &[]).unwrap();
+        document
+            .save_within(1000, &path, &[], &Brought::new())
+            .unwrap();
     }
 
     #[test]

@@ -44,6 +44,7 @@ pub use memory::{
 };
 pub use pick::{Hit, pick};
 pub use ready::CoverageOrder;
+pub use saving::{Copied, CopyOrder};
 pub use viewport::{Quality, Show, Viewport};
 pub use welcome::welcome;
 

@@ -1,10 +1,10 @@
 //! The stroke in flight, and the map that follows it tile by tile.
 
 use super::layers::label;
-use super::{DEFAULT_MESH, Edit, Header, Hit, Step, Studio, canvas, pick};
+use super::{DEFAULT_MESH, Edit, Header, Hit, Step, Studio, Touched, canvas, pick};
 use crate::error::Result;
 use crate::map::Rect;
-use crate::paint::{Brush, Live, POINTS_MAX, Point, SurfacePoint};
+use crate::paint::{Brush, Live, POINTS_MAX, Point, Stroke, SurfacePoint};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -189,6 +189,30 @@ impl Studio {
             return Ok(false);
         };
         let (layer, mask) = self.canvas.active().expect("it was painted on");
+        match self.add_stroke(layer, mask, stroke) {
+            Ok(_) => {
+                if self.canvas.looks_over() {
+                    self.work();
+                } else if self.job.is_none() && self.shown.revision.is_some() {
+                    self.shown.revision = Some(self.document.revision());
+                }
+                Ok(true)
+            }
+            Err(error) => {
+                let rects = self.canvas.pop();
+                self.repaint(rects);
+                Err(error)
+            }
+        }
+    }
+
+    /// Puts a stroke into the document, as a step of the history.
+    pub(super) fn add_stroke(
+        &mut self,
+        layer: usize,
+        mask: bool,
+        stroke: Arc<Stroke>,
+    ) -> Result<Vec<Touched>> {
         let on = if mask { " on the mask" } else { "" };
         let tool = stroke.brush().tool.name().replace('_', " ");
         let name = self.recipe().layers.get(layer).map_or("", |l| l.name());
@@ -207,22 +231,9 @@ impl Studio {
             mask,
             stroke,
         });
-        match self.apply_all(edits) {
-            Ok((back, _)) => {
-                self.history.push(Step::new(label, back, None));
-                if self.canvas.looks_over() {
-                    self.work();
-                } else if self.job.is_none() && self.shown.revision.is_some() {
-                    self.shown.revision = Some(self.document.revision());
-                }
-                Ok(true)
-            }
-            Err(error) => {
-                let rects = self.canvas.pop();
-                self.repaint(rects);
-                Err(error)
-            }
-        }
+        let (back, touched) = self.apply_all(edits)?;
+        self.history.push(Step::new(label, back, None));
+        Ok(touched)
     }
 
     /// Whether a stroke is in flight.

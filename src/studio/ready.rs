@@ -7,7 +7,7 @@ use super::canvas::Ready;
 use super::{Studio, apart, broken_off};
 use crate::error::{Error, Result};
 use crate::mesh::Body;
-use crate::paint::{Brush, POINTS_MAX, Point, SurfacePoint};
+use crate::paint::{Brush, MeshPoints, POINTS_MAX, Point, Stroke, SurfacePoint};
 use crate::progress::Progress;
 use crate::recipe::{self, Files, Recipe, Stamp};
 use std::collections::VecDeque;
@@ -363,17 +363,10 @@ impl Studio {
     /// Takes over what is ready, and paints the strokes that waited for it.
     pub(super) fn follow_making(&mut self) {
         if let Err(error) = self.wait_for_making(Duration::ZERO) {
-            // The same would come of it again.
-            if let Some(lost) = self.queue.waiting.front() {
-                let layer = self.recipe().layers.get(lost.ground.layer);
-                let name = layer.map_or("no layer", |l| l.name());
-                let allowed = "a layer of a map that can be made; the stroke is lost";
-                let refusal = not_to_paint_on(name, allowed, &format!("Mend this first: {error}"));
-                self.trouble.push(refusal);
-            } else {
-                self.trouble.push(error);
-            }
-            self.queue.waiting.clear();
+            // The same would come of it again: what was painted is kept, and shown once the map can be made.
+            self.trouble.push(error);
+            self.cancel_waiting();
+            self.land();
         }
         while let Some(next) = self.queue.waiting.front() {
             let ground = next.ground;
@@ -408,19 +401,61 @@ impl Studio {
         Ok(())
     }
 
-    /// Waits until no ended stroke waits any more: what comes now, as an undo, comes after it.
+    /// Puts the ended strokes that still wait into the document: what comes now, as an undo, comes after them. Nobody waits for
+    /// that; the map that shows them is made in the background.
     pub(super) fn land(&mut self) {
-        while self.queue.waiting.iter().any(|w| w.ended) {
-            if let Err(error) = self.wait_for_making(Duration::from_millis(100)) {
-                self.queue.waiting.clear();
+        while self.queue.waiting.front().is_some_and(|w| w.ended) {
+            let Some(waiting) = self.queue.waiting.pop_front() else {
+                return;
+            };
+            if let Err(error) = self.lay_down(waiting) {
                 self.trouble.push(error);
-            }
-            self.follow_making();
-            if self.queue.making.is_none() && self.queue.waiting.iter().any(|w| w.ended) {
-                self.queue.waiting.clear(); // no thread is to be had: told already
             }
         }
     }
+
+    fn lay_down(&mut self, waiting: Waiting) -> Result<()> {
+        let Waiting { ground, brush, .. } = &waiting;
+        let (layer, mask) = (ground.layer, ground.mask);
+        // A tool that follows the stroke has no direction at a point.
+        let least = if brush.tool.follows_stroke() { 2 } else { 1 };
+        let Some(stroke) = waiting.stroke(extent(&self.body))? else {
+            return Ok(());
+        };
+        if stroke.points().len() < least {
+            return Ok(());
+        }
+        let touched = self.add_stroke(layer, mask, Arc::new(stroke))?;
+        self.follow(touched);
+        Ok(())
+    }
+}
+
+impl Waiting {
+    /// The stroke that its points make, on a mesh of that extent; `None` where there is no point.
+    fn stroke(self, extent: f32) -> Result<Option<Stroke>> {
+        let (brush, seed) = (self.brush, self.seed);
+        match self.points {
+            PenPoints::Uv(points, _) if points.is_empty() => Ok(None),
+            PenPoints::Uv(points, _) => Stroke::new(brush, seed, points).map(Some),
+            PenPoints::Mesh(points, _) => {
+                let mut on_mesh = MeshPoints::new(extent);
+                for (position, normal, pressure) in points {
+                    on_mesh.push(position, normal, pressure);
+                }
+                if on_mesh.is_empty() {
+                    return Ok(None);
+                }
+                Stroke::on_mesh(brush, seed, on_mesh).map(Some)
+            }
+        }
+    }
+}
+
+/// The largest coordinate of a mesh.
+fn extent(body: &Body) -> f32 {
+    let all = body.mesh().positions.iter();
+    all.fold(0.0, |m, p| m.max(p.abs().max_element()))
 }
 
 /// Why nothing can be painted.

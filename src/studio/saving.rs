@@ -1,9 +1,11 @@
 //! The document and its file: saved, read again, recovered from a journal.
 
+use super::document::{Brought, folder_of};
 use super::{Document, Edit, History, LeftBehind, Options, Step, Studio};
 use crate::error::{Error, Result};
-use crate::recipe::{RecipeFile, Way};
-use std::path::Path;
+use crate::export::laid::{Copies, bring};
+use crate::recipe::{Files, RecipeFile, Way, leaves_folder};
+use std::path::{Path, PathBuf};
 
 impl Studio {
     /// The work of a journal that was left behind, as a document with unsaved changes; how many there are is given too. Edits
@@ -41,15 +43,42 @@ impl Studio {
     /// # Errors
     /// As [`Document::save`]; the work is kept.
     pub fn save(&mut self, path: &Path) -> Result<()> {
+        self.save_after(path, None)
+    }
+
+    /// What has to be copied before the document can be saved to a file, which may take a while: for a thread of its own. `None`
+    /// where nothing has to be.
+    pub fn copies_for(&mut self, path: &Path) -> Option<CopyOrder> {
+        self.land();
+        let files = self.document.files();
+        let to = folder_of(path);
+        let mut named = self.named_in_history();
+        named.extend(self.recipe().files().map(str::to_owned));
+        let is_elsewhere = matches!(Way::between(files.folder.as_deref(), &to), Ok(Some(_)));
+        (is_elsewhere && !named.is_empty()).then_some(CopyOrder { files, named, to })
+    }
+
+    /// The files that steps of the history name, which an undo brings back.
+    fn named_in_history(&mut self) -> Vec<String> {
+        let edits = self.history.edits_mut();
+        let of =
+            |e: &mut Edit| -> Vec<String> { e.files().into_iter().map(str::to_owned).collect() };
+        edits.flat_map(of).collect()
+    }
+
+    /// As [`Studio::save`], after what it needs was copied; that goes again when the saving fails.
+    ///
+    /// # Errors
+    /// As [`Studio::save`].
+    pub fn save_after(&mut self, path: &Path, copied: Option<Copied>) -> Result<()> {
         self.land();
         let from = self.document.files().folder;
         let is_shown = self.shown.mesh.as_deref() == Some(self.mesh_name());
         let name = self.recipe().name.clone();
-        let edits = self.history.edits_mut();
-        let of =
-            |e: &mut Edit| -> Vec<String> { e.files().into_iter().map(str::to_owned).collect() };
-        let named: Vec<String> = edits.flat_map(of).collect();
-        self.document.save_with(path, &named)?;
+        let named = self.named_in_history();
+        let (before, copies) = copied.map_or_else(Default::default, |c| (c.names, c.copies));
+        self.document.save_with(path, &named, &before)?;
+        copies.keep();
         let renamed = self.document.recipe().name.clone();
         let edits = self.history.edits_mut();
         edits.for_each(|edit| edit.rename(&name, &renamed));
@@ -72,6 +101,25 @@ impl Studio {
     /// Shows what other programs made of the files that the recipe names; nothing where all are as they were.
     pub fn read_files_again(&mut self) {
         self.work();
+    }
+
+    /// Where the files are that the recipe names and may: those that other programs may write anew.
+    pub fn files_to_watch(&self) -> Vec<PathBuf> {
+        let files = self.document.files();
+        let Some(folder) = files.folder else {
+            return Vec::new();
+        };
+        let names = self.recipe().files();
+        let allowed = names.filter(|name| files.allow_outside || !leaves_folder(name));
+        let mut paths: Vec<PathBuf> = allowed.map(|name| folder.join(name)).collect();
+        paths.sort_unstable();
+        paths.dedup();
+        paths
+    }
+
+    /// Whether this is what was told of a layer or the mesh that is not shown, and still is so.
+    pub fn is_still_told(&self, text: &str) -> bool {
+        self.told.iter().any(|told| told == text)
     }
 
     /// The files that the recipe names and may not, since they lie outside its folder: see [`Studio::allow_outside`].
@@ -111,5 +159,32 @@ impl Studio {
         self.document.take_file(file);
         self.begin_journal();
         Ok(true)
+    }
+}
+
+/// What has to be copied before a document is saved elsewhere; see [`Studio::copies_for`].
+pub struct CopyOrder {
+    files: Files,
+    named: Vec<String>,
+    to: PathBuf,
+}
+
+/// What was copied. Dropped, it goes again.
+#[derive(Debug, Default)]
+pub struct Copied {
+    names: Brought,
+    copies: Copies,
+}
+
+impl CopyOrder {
+    /// Copies it, as long as it is wanted.
+    ///
+    /// # Errors
+    /// When a file cannot be read or copied, and [`Error::Cancelled`]; nothing is left of it then.
+    pub fn carry_out(self, wanted: &dyn Fn() -> bool) -> Result<Copied> {
+        let (none, names) = (Brought::new(), self.named.iter().map(String::as_str));
+        let (way, copies) = bring(&self.files, &none, names, &self.to, &[], wanted)?;
+        let names = way.map_or(none, |way| way.copied);
+        Ok(Copied { names, copies })
     }
 }

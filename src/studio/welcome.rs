@@ -36,6 +36,9 @@ const LAMPS: [[f32; 3]; 6] = [
     [0.15, 0.1, 1.0],
 ];
 
+/// What the first scene says of itself.
+pub(super) const WELCOME: &str = "A copper pot with painted strokes: paint over it, or begin anew";
+
 /// The scene of the first start, as a document without a file.
 ///
 /// # Errors
@@ -43,8 +46,7 @@ const LAMPS: [[f32; 3]; 6] = [
 pub fn welcome() -> Result<RecipeFile> {
     let mut recipe = preset("pot")?.recipe()?.recipe().clone();
     recipe.name = "welcome".to_owned();
-    recipe.description =
-        "A copper pot with painted strokes: paint over it, or begin anew".to_owned();
+    recipe.description = WELCOME.to_owned();
     recipe.material = COPPER;
     recipe.scene.lights = LAMPS.to_vec();
     recipe.scene.exposure = -0.3;

@@ -175,6 +175,25 @@ impl App {
         }
     }
 
+    /// Shows what other programs made of the files that the recipe reads.
+    pub(super) fn follow_files(&mut self, ctx: &Context) {
+        let document = self.desk.studio.document();
+        let path = document.path().map(Path::to_owned);
+        let is_allowed = document.files().allow_outside;
+        let now = Some((path, document.revision(), is_allowed));
+        if self.watched != now {
+            self.watched = now;
+            let files = self.desk.studio.files_to_watch();
+            self.watch_files.look_after(files, ctx);
+        }
+        if self.watch_files.changed() {
+            self.desk.studio.read_files_again();
+            self.desk.redraw = self.desk.redraw.or(Redraw::Sharp);
+            let text = "A file of the recipe was changed by another program, and read again";
+            self.desk.messages.news(text);
+        }
+    }
+
     /// Takes the keys that the user gave their file.
     pub(super) fn follow_keys(&mut self) {
         if !self.watch_keys.changed() {

@@ -6,15 +6,17 @@ use crate::gui::dialogs::{Dialog, NewDocument, Then, Wish};
 use crate::gui::export::ExportDialog;
 use crate::gui::files::{FileDialog, Purpose};
 use crate::gui::intake::{self, Intake, Part, Told};
-use crate::gui::messages::count;
+use crate::gui::messages::{About, count};
 use crate::gui::presets::PresetBrowser;
+use crate::gui::work::{Now, Reins, Work};
 use anisomap::Error;
 use anisomap::recipe::{Image, RecipeFile, Source};
 use anisomap::studio::action::Action;
 use anisomap::studio::settings::Folders;
-use anisomap::studio::{Options, Studio, bytes_free, document_warning};
+use anisomap::studio::{Copied, Options, Studio, bytes_free, document_warning};
 use eframe::egui::{Context, Ui, ViewportCommand};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 impl App {
     pub(super) fn perform_file(&mut self, ui: &Ui, action: Action) {
@@ -134,13 +136,51 @@ impl App {
         self.save_over(ctx, path);
     }
 
-    /// Saves, whatever the file holds.
-    pub(super) fn save_over(&mut self, ctx: &Context, path: &Path) {
-        let saved = self.desk.studio.save(path);
-        if self.desk.told(saved).is_none() {
+    /// Saves, whatever the file holds; first copies what has to lie beside it, without keeping anybody waiting.
+    fn save_over(&mut self, ctx: &Context, path: &Path) {
+        let Some(order) = self.desk.studio.copies_for(path) else {
+            return self.finish_saving(ctx, path, None);
+        };
+        let copy = move |reins: &Reins, give: &dyn Fn(Result<Copied, Error>) -> bool| {
+            give(order.carry_out(&|| reins.go_on()));
+        };
+        let begun = Work::begin("copy", ctx, copy);
+        self.saving = self.desk.told(begun).map(|work| (path.to_owned(), work));
+    }
+
+    /// Saves once what has to lie beside the recipe was copied.
+    pub(super) fn follow_saving(&mut self, ctx: &Context) {
+        let Some((path, work)) = &self.saving else {
+            return;
+        };
+        let copied = match work.now() {
+            Now::Going => {
+                ctx.request_repaint_after(Duration::from_millis(80));
+                self.desk.reading = Some("copying what the recipe reads".to_owned());
+                return;
+            }
+            Now::Came(copied) => copied,
+            Now::Over => Err(Error::file(path, "copying what it needs ended too early")),
+        };
+        let path = path.clone();
+        self.saving = None;
+        self.desk.reading = None;
+        match copied {
+            Ok(copied) => self.finish_saving(ctx, &path, Some(copied)),
+            Err(error) => {
+                self.after_saving = None;
+                self.desk.messages.error_about(About::Saving, error);
+            }
+        }
+    }
+
+    fn finish_saving(&mut self, ctx: &Context, path: &Path, copied: Option<Copied>) {
+        if let Err(error) = self.desk.studio.save_after(path, copied) {
             self.after_saving = None;
+            self.desk.messages.error_about(About::Saving, error);
             return;
         }
+        self.desk.messages.retain_about(About::Saving, |_| false);
         self.watch.look_after(Some(path), ctx);
         let brought = self.desk.studio.document().brought();
         let names: Vec<&str> = brought.values().map(String::as_str).collect();
@@ -185,11 +225,15 @@ impl App {
             Wish::SaveOver(path) => self.save_over(ctx, &path),
             Wish::SaveElsewhere => self.ask_where_to_save(Purpose::SaveAs),
             Wish::SaveCopy => self.ask_for_name(Purpose::SaveAs),
-            Wish::AddPreset(preset) => {
+            Wish::AddPreset(preset, without_ground) => {
                 let label = format!("Add {}", preset.name.replace('_', " "));
-                let added = preset
-                    .recipe()
-                    .and_then(|file| self.desk.studio.add_layers_of(&label, file.recipe()));
+                let added = preset.recipe().and_then(|file| {
+                    let mut recipe = file.recipe().clone();
+                    if without_ground && recipe.layers.len() > 1 {
+                        recipe.layers.remove(0);
+                    }
+                    self.desk.studio.add_layers_of(&label, &recipe)
+                });
                 self.desk.told(added);
                 self.desk.redraw = self.desk.redraw.or(Redraw::Sharp);
             }
@@ -401,6 +445,8 @@ impl App {
         self.intake = None;
         self.desk.reading = None;
         self.desk.exported.clear();
+        self.desk.messages.forget_errors();
+        self.saving = None;
         self.desk.ask_outside = true;
         self.finding = None;
         let viewport = self.desk.studio.viewport_mut();

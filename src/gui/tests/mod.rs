@@ -5,6 +5,7 @@ mod guides;
 mod names;
 mod renderer;
 mod shortcuts;
+mod sources;
 
 use super::app::App;
 use super::canvas::Kind;
@@ -484,7 +485,7 @@ fn an_export_asks_before_it_replaces_what_this_document_did_not_write() {
     window.get_by_label_contains("there already");
     assert_eq!(std::fs::read(out.join("small.exr")).unwrap(), b"another's");
     assert!(!out.join("small.glb").exists());
-    button(&window, "Replace them");
+    button(&window, "Replace it");
     wait_for_export(&mut window);
     window.get_by_label_contains(&format!("files in {}", out.display()));
     assert!(std::fs::read(out.join("small.exr")).unwrap().len() > 100);

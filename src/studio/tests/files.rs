@@ -203,3 +203,39 @@ fn what_textures_mean_is_said_anew_as_one_step() {
     assert!(*studio.map() == before);
     assert!(studio.set_textures(0, Default::default()).is_err());
 }
+
+#[test]
+fn nothing_waits_for_a_layer_that_is_made_ready() {
+    let mut studio = painted();
+    studio.options.patience = Duration::ZERO;
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    for n in 0..3 {
+        let y = 0.3 + 0.2 * n as f32;
+        stroke(&mut studio, groove.clone(), &[[0.2, y], [0.8, y]]);
+    }
+    // Whether it is painted by now or not, a stroke is a step, and is taken back at once.
+    assert!(studio.undo().unwrap());
+    assert_eq!(studio.history().len(), (2, 1));
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+    studio.redo().unwrap();
+    studio.settle();
+    assert_eq!(studio.history().len(), (3, 0));
+    assert_shows_its_recipe(&studio);
+    assert!(studio.take_trouble().is_empty());
+}
+
+#[test]
+fn a_document_loses_what_the_first_scene_says_of_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.toml");
+    let mut studio = Studio::new(welcome().unwrap(), None, Options::default()).unwrap();
+    assert!(!studio.recipe().description.is_empty());
+    studio.save(&path).unwrap();
+    assert!(studio.recipe().description.is_empty());
+    assert!(
+        !std::fs::read_to_string(&path)
+            .unwrap()
+            .contains("description")
+    );
+}

@@ -1,0 +1,220 @@
+//! Files that a document reads: missing, changed, outside its folder, copied along.
+
+use super::*;
+use crate::gui::desk::Wanted;
+
+const TEXTURED: &str = "version = 1
+size = 64
+[[layers]]
+name = 'ground'
+[layers.brushed]
+[[layers]]
+name = 'told'
+[layers.image.textures]
+first.file = 'r.png'
+[[layers]]
+name = 'paint'
+[layers.strokes]
+";
+
+fn grey(path: &Path, value: u8) {
+    let grey = image::GrayImage::from_pixel(8, 8, image::Luma([value]));
+    grey.save(path).unwrap();
+}
+
+/// A window with a recipe that reads a texture in its folder.
+fn opened(text: &str) -> (Window, TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("small.toml");
+    std::fs::write(&path, text).unwrap();
+    grey(&folder.path().join("r.png"), 128);
+    (open_at(folder.path(), &path), folder)
+}
+
+fn open_at(config: &Path, path: &Path) -> Window {
+    let file = RecipeFile::read(path).unwrap();
+    let settings = Settings {
+        hint_closed: true,
+        ..Settings::default()
+    };
+    let folders = Folders::below(&config.join("config"));
+    let mut app = App::new((file, Some(path.to_owned())), settings, Some(folders)).unwrap();
+    app.desk.native_dialogs = false;
+    window_of(app, vec2(1200.0, 760.0))
+}
+
+/// Steps until something holds, for a few seconds.
+#[track_caller]
+fn wait(window: &mut Window, mut done: impl FnMut(&mut Window) -> bool) {
+    for _ in 0..600 {
+        window.step();
+        if done(window) {
+            return settle(window);
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    panic!("{:?}", window.state().desk.messages.texts());
+}
+
+fn enter(window: &mut Window, path: &Path) {
+    field(window, "Path").click();
+    window.step();
+    press(window, "Ctrl+A");
+    field(window, "Path").type_text(&path.display().to_string());
+    window.run_steps(2);
+}
+
+fn texture(window: &Window) -> String {
+    let layers = &window.state().desk.studio.recipe().layers;
+    match &layers[1].source {
+        Source::Image(image) => image.files().next().unwrap().clone(),
+        _ => panic!("no image"),
+    }
+}
+
+#[test]
+fn a_layer_whose_file_is_missing_is_marked_and_its_file_is_found() {
+    let (window, folder) = opened(TEXTURED);
+    drop(window);
+    let elsewhere = tempfile::tempdir().unwrap();
+    let moved = elsewhere.path().join("moved.png");
+    std::fs::rename(folder.path().join("r.png"), &moved).unwrap();
+    let mut window = open_at(folder.path(), &folder.path().join("small.toml"));
+    window.get_by_label("Layer told, not shown");
+    let told = window.state().desk.messages.texts().join("\n");
+    assert!(told.contains("r.png is not there"), "{told}");
+    // A stroke on another layer is painted and kept.
+    let before = map(&window);
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    settle(&mut window);
+    assert!(map(&window) != before);
+    window.state_mut().desk.studio.select(1);
+    window.run_steps(2);
+    button(&window, "Find the file\u{2026}");
+    window.run_steps(3);
+    window.get_by_label_contains("which file is to take its place");
+    enter(&mut window, &moved);
+    button(&window, "Take it");
+    wait(&mut window, |w| texture(w) == "moved.png");
+    window.get_by_label("Layer told");
+    assert!(folder.path().join("moved.png").is_file());
+    // What was told of it goes with its cause.
+    assert!(window.state().desk.messages.texts().is_empty());
+    window.state_mut().desk.studio.undo().unwrap();
+    assert_eq!(texture(&window), "r.png");
+}
+
+#[test]
+fn what_textures_mean_is_changed_afterwards() {
+    let (mut window, _folder) = opened(TEXTURED);
+    window.state_mut().desk.studio.select(1);
+    window.run_steps(2);
+    button(&window, "Convention\u{2026}");
+    wait(&mut window, |w| {
+        matches!(w.state().dialog, Some(Dialog::Import(_)))
+    });
+    window.run_steps(3);
+    window.get_by_label("Convention of told");
+    window.get_by_label("What the numbers mean").click();
+    window.run_steps(3);
+    let steps = window.state().desk.studio.history().len().0;
+    let before = map(&window);
+    let inverted = window.get_by_role_and_label(Role::CheckBox, "Inverted");
+    inverted.click();
+    window.run_steps(3);
+    button(&window, "Apply");
+    window.run_steps(3);
+    settle(&mut window);
+    assert_eq!(window.state().desk.studio.history().len().0, steps + 1);
+    assert!(window.state().dialog.is_none());
+    // A stored half is a half either way; what it was is what it is.
+    let Source::Image(image) = &window.state().desk.studio.recipe().layers[1].source else {
+        panic!("no image");
+    };
+    assert!(image.textures.as_ref().unwrap().convention.inverted);
+    assert_eq!(before.len(), map(&window).len());
+}
+
+#[test]
+fn a_recipe_that_names_files_outside_its_folder_is_asked_about_once() {
+    let (window, folder) = opened(TEXTURED);
+    drop(window);
+    let inner = folder.path().join("inner");
+    std::fs::create_dir(&inner).unwrap();
+    let path = inner.join("a.toml");
+    std::fs::write(&path, TEXTURED.replace("'r.png'", "'../r.png'")).unwrap();
+    let mut window = open_at(folder.path(), &path);
+    window.run_steps(3);
+    window.get_by_label("../r.png");
+    assert!(window.state().desk.messages.texts().is_empty());
+    button(&window, "Allow for this document");
+    wait(&mut window, |w| {
+        w.state().desk.studio.left_out("told").is_none()
+    });
+    assert!(window.state().dialog.is_none());
+    // Refused, the document is shown without.
+    let mut window = open_at(folder.path(), &path);
+    window.run_steps(3);
+    button(&window, "Do not read them");
+    window.run_steps(3);
+    assert!(window.state().dialog.is_none());
+    assert!(window.state().desk.studio.left_out("told").is_some());
+}
+
+#[test]
+fn a_texture_that_another_program_writes_is_shown_anew() {
+    let (mut window, folder) = opened(TEXTURED);
+    let before = map(&window);
+    grey(&folder.path().join("r.png"), 30);
+    wait(&mut window, |w| map(w) != before);
+    let told = window.state().desk.messages.texts().join("\n");
+    assert!(told.contains("read again"), "{told}");
+}
+
+#[test]
+fn a_document_saved_elsewhere_takes_its_files_along() {
+    let (mut window, folder) = opened(TEXTURED);
+    let to = folder.path().join("new/deep");
+    press(&mut window, "Ctrl+Shift+S");
+    enter(&mut window, &to.join("b.toml"));
+    button(&window, "Save");
+    window.run_steps(3);
+    // The folder is not there: the dialog stays, and makes it when that is wanted.
+    assert!(matches!(window.state().dialog, Some(Dialog::File(_))) && !to.exists());
+    button(&window, "Make the folder");
+    window.run_steps(3);
+    button(&window, "Save");
+    wait(&mut window, |_| to.join("b.toml").is_file());
+    assert!(to.join("r.png").is_file());
+    let file = RecipeFile::read(to.join("b.toml")).unwrap();
+    assert!(!file.names_outside());
+}
+
+#[test]
+fn the_recipe_beside_an_export_opens_and_changed_files_are_asked_about() {
+    let (mut window, folder) = opened(TEXTURED);
+    let out = folder.path().join("out");
+    export_to(&mut window, &out);
+    let copy = RecipeFile::read(out.join("small.toml")).unwrap();
+    assert!(!copy.names_outside() && out.join("r.png").is_file());
+    press(&mut window, "Escape");
+    window.run_steps(2);
+    std::fs::write(out.join("small.exr"), "another's").unwrap();
+    press(&mut window, "Ctrl+E");
+    window.run_steps(3);
+    window.get_by_label_contains("changed since");
+    assert_eq!(std::fs::read(out.join("small.exr")).unwrap(), b"another's");
+    button(&window, "Replace it");
+    wait_for_export(&mut window);
+    assert!(std::fs::read(out.join("small.exr")).unwrap().len() > 100);
+}
+
+#[test]
+fn nothing_is_asked_of_a_document_without_a_folder() {
+    let (mut window, _folder) = window();
+    for wanted in [Wanted::Find("a.png".to_owned()), Wanted::Convention(0)] {
+        window.state_mut().desk.wanted = Some(wanted);
+        window.run_steps(2);
+        assert!(window.state().dialog.is_none());
+    }
+}
