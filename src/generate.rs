@@ -3,10 +3,10 @@
 use crate::analyse::compare;
 use crate::convention::{MapInfo, Reflectance};
 use crate::error::{Error, Result};
-use crate::export::exr::{Precision, write_master, write_rgb_pair};
+use crate::export::exr::{Precision, write_master_with, write_rgb_pair_with};
 use crate::export::gltf::{GltfOptions, GltfReport, write_glb, write_gltf};
 use crate::export::laid::{Copies, bring};
-use crate::export::png::{Depth, README, write_picture, write_readme, write_set};
+use crate::export::png::{Depth, README, write_picture, write_readme, write_set_with};
 use crate::export::{Export, Written, beside, write_atomic};
 use crate::import::gltf::read_gltf;
 use crate::map::{AnisoMap, Mended, Size};
@@ -223,7 +223,7 @@ impl Job {
                     (Target::Glb | Target::Gltf, Some(mesh)) => {
                         self.write_gltf(&mut made, &export, format, mesh)
                     }
-                    _ => self.write_map(&mut made, &export, format),
+                    _ => self.write_map(&mut made, &export, format, progress),
                 }
             })?;
         }
@@ -373,15 +373,22 @@ impl Job {
         own.is_some() && own == real(path)
     }
 
-    fn write_map(&self, made: &mut Made, export: &Export<'_>, format: Target) -> Result<()> {
+    fn write_map(
+        &self,
+        made: &mut Made,
+        export: &Export<'_>,
+        format: Target,
+        progress: &Progress<'_>,
+    ) -> Result<()> {
         let stem = self.stem();
         let written = made.time(format.name(), || match format {
-            Target::Exr => {
-                write_master(&self.path(".exr"), export, self.precision).map(|w| vec![w])
+            Target::Exr => write_master_with(&self.path(".exr"), export, self.precision, progress)
+                .map(|w| vec![w]),
+            Target::RgbExr => {
+                write_rgb_pair_with(&stem, export, self.precision, progress).map(Vec::from)
             }
-            Target::RgbExr => write_rgb_pair(&stem, export, self.precision).map(Vec::from),
-            Target::Png8 => write_set(&stem, export, Depth::Eight),
-            _ => write_set(&stem, export, Depth::Sixteen),
+            Target::Png8 => write_set_with(&stem, export, Depth::Eight, progress),
+            _ => write_set_with(&stem, export, Depth::Sixteen, progress),
         })?;
         made.files.extend(written);
         Ok(())

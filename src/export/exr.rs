@@ -9,6 +9,7 @@ use super::{Export, Written, beside, write_atomic};
 use crate::convention::{Content, MapRecord};
 use crate::error::Result;
 use crate::map::Size;
+use crate::progress::Progress;
 use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
 use exr::block::writer::ChunksWriter;
 use exr::meta::BlockDescription;
@@ -54,6 +55,19 @@ const GROUP: usize = 32;
 /// # Errors
 /// [`crate::Error::Write`]; see [`write_atomic`].
 pub fn write_master(path: &Path, export: &Export<'_>, precision: Precision) -> Result<Written> {
+    write_master_with(path, export, precision, &Progress::none())
+}
+
+/// As [`write_master`], as long as `progress` does not cancel it.
+///
+/// # Errors
+/// As [`write_master`], and [`crate::Error::Cancelled`].
+pub fn write_master_with(
+    path: &Path,
+    export: &Export<'_>,
+    precision: Precision,
+    progress: &Progress<'_>,
+) -> Result<Written> {
     let map = export.map();
     let record = MapRecord::new(Content::Map, export.info(), map.wrap());
     let width = map.width() as usize;
@@ -64,7 +78,7 @@ pub fn write_master(path: &Path, export: &Export<'_>, precision: Precision) -> R
         precision,
         record,
     }
-    .write(path, |y, rows| {
+    .write(path, progress, |y, rows| {
         let start = y as usize * width;
         for (row, plane) in rows.iter_mut().zip(planes) {
             row.copy_from_slice(&plane[start..start + width]);
@@ -82,6 +96,19 @@ pub fn write_rgb_pair(
     export: &Export<'_>,
     precision: Precision,
 ) -> Result<[Written; 2]> {
+    write_rgb_pair_with(stem, export, precision, &Progress::none())
+}
+
+/// As [`write_rgb_pair`], as long as `progress` does not cancel it.
+///
+/// # Errors
+/// As [`write_rgb_pair`], and [`crate::Error::Cancelled`].
+pub fn write_rgb_pair_with(
+    stem: &Path,
+    export: &Export<'_>,
+    precision: Precision,
+    progress: &Progress<'_>,
+) -> Result<[Written; 2]> {
     let map = export.map();
     let width = map.width() as usize;
     // Channels of a file stand in the order of the alphabet.
@@ -91,14 +118,14 @@ pub fn write_rgb_pair(
         precision,
         record: MapRecord::new(content, export.info(), map.wrap()),
     };
-    let alpha = image(Content::Alpha).write(&beside(stem, "_alpha.exr"), |y, rows| {
+    let alpha = image(Content::Alpha).write(&beside(stem, "_alpha.exr"), progress, |y, rows| {
         let range = y as usize * width..(y as usize + 1) * width;
         rows[1].copy_from_slice(&map.alpha_y()[range.clone()]);
         rows[2].copy_from_slice(&map.alpha_x()[range]);
     })?;
     let combed = export.combed();
     let direction =
-        image(Content::Direction).write(&beside(stem, "_direction.exr"), |y, rows| {
+        image(Content::Direction).write(&beside(stem, "_direction.exr"), progress, |y, rows| {
             let [_, sin, cos] = rows else {
                 unreachable!("three channels")
             };
@@ -117,17 +144,26 @@ struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// Writes it; `fill` puts row `y` (0 is the top) into one slice per channel, which hold zeros or another row before.
-    fn write(&self, path: &Path, fill: impl Fn(u32, &mut [Vec<f32>]) + Sync) -> Result<Written> {
-        write_atomic(path, |file| {
+    /// Writes it, as long as it is wanted; `fill` puts row `y` (0 is the top) into one slice per channel, which hold zeros or another row before.
+    fn write(
+        &self,
+        path: &Path,
+        progress: &Progress<'_>,
+        fill: impl Fn(u32, &mut [Vec<f32>]) + Sync,
+    ) -> Result<Written> {
+        let written = write_atomic(path, |file| {
             exr::block::write(file, vec![self.header()].into(), true, |_, chunks| {
-                self.write_chunks(chunks, &fill)
+                self.write_chunks(chunks, progress, &fill)
             })
             .map_err(|e| match e {
                 exr::error::Error::Io(e) => e,
                 other => io::Error::other(other.to_string()),
             })
-        })
+        });
+        match written {
+            Ok(written) => Ok(written),
+            Err(error) => Err(progress.check().err().unwrap_or(error)),
+        }
     }
 
     fn header(&self) -> Header {
@@ -157,10 +193,15 @@ impl Image<'_> {
     fn write_chunks(
         &self,
         chunks: &mut impl ChunksWriter,
+        progress: &Progress<'_>,
         fill: &(impl Fn(u32, &mut [Vec<f32>]) + Sync),
     ) -> exr::error::UnitResult {
         let blocks: Vec<u32> = (0..self.size.height().div_ceil(BLOCK)).collect();
+        progress.expect(blocks.len().div_ceil(GROUP) as u64);
         for group in blocks.chunks(GROUP) {
+            progress
+                .step()
+                .map_err(|e| exr::error::Error::Io(io::Error::other(e.to_string())))?;
             let packed: Vec<Vec<u8>> = group
                 .par_iter()
                 .map_init(
@@ -296,6 +337,20 @@ mod tests {
                 angle.max(p.axis.angle_to(q.axis).to_degrees()),
             )
         })
+    }
+
+    #[test]
+    fn a_long_file_ends_where_it_is_not_wanted_any_more() {
+        let size = Size::new(4, 20 * BLOCK * GROUP as u32).unwrap();
+        let map = AnisoMap::constant(size, Wrap::Repeat, DEFAULT_TEXEL);
+        let info = MapInfo::default();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let export = Export::new(&map, &info);
+        let stop = |done: u64, _: u64| done < 3;
+        let ended = write_master_with(&path, &export, Precision::Half, &Progress::new(&stop));
+        assert!(matches!(ended, Err(crate::Error::Cancelled)));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
     #[test]

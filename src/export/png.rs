@@ -7,6 +7,7 @@ use super::{Export, Written, beside, write_atomic};
 use crate::error::Result;
 use crate::map::{ALPHA_MAX, AnisoMap, Size};
 use crate::math::Axis;
+use crate::progress::Progress;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
@@ -129,9 +130,23 @@ pub fn write_readme(folder: &Path, depths: &[Depth]) -> Result<Written> {
 /// # Errors
 /// [`crate::Error::Write`]; see [`write_atomic`].
 pub fn write_set(stem: &Path, export: &Export<'_>, depth: Depth) -> Result<Vec<Written>> {
+    write_set_with(stem, export, depth, &Progress::none())
+}
+
+/// As [`write_set`]; `progress` is asked before each picture.
+///
+/// # Errors
+/// As [`write_set`], and [`crate::Error::Cancelled`].
+pub fn write_set_with(
+    stem: &Path,
+    export: &Export<'_>,
+    depth: Depth,
+    progress: &Progress<'_>,
+) -> Result<Vec<Written>> {
     Picture::of(depth)
         .par_iter()
         .map(|picture| {
+            progress.check()?;
             let path = beside(stem, &picture.suffix(depth));
             let pixels = Pixels::draw(*picture, export, depth);
             write_atomic(&path, |file| pixels.encode(file))

@@ -190,6 +190,11 @@ fn missing(ui: &mut Ui, desk: &mut Desk, text: &str, file: Option<&str>) {
     let text = egui::RichText::new(text).color(Palette::of(ui).warning);
     ui.add(egui::Label::new(text).wrap());
     let Some(file) = file else { return };
+    if desk.studio.is_outside(file) {
+        let allow = ui.button("Allow\u{2026}");
+        let tip = "Asks once more whether files outside the recipe's folder may be read.";
+        desk.ask_outside |= allow.on_hover_text(tip).clicked();
+    }
     let tip = "Takes another file in its place wherever the recipe names it; it is copied beside the recipe.";
     let find = ui.button("Find the file\u{2026}").on_hover_text(tip);
     if find.clicked() {
@@ -489,8 +494,8 @@ fn document_panel(ui: &mut Ui, desk: &mut Desk) {
     let before = Header::of(desk.studio.recipe());
     let mut header = before.clone();
     let mut finished = false;
-    if let Some(error) = desk.studio.no_mesh() {
-        let text = format!("The mesh is not shown: {error}.");
+    if let Some(why) = desk.studio.no_mesh() {
+        let text = format!("The mesh is not shown: {why}.");
         let word = desk.studio.recipe().mesh.clone().unwrap_or_default();
         missing(ui, desk, &text, Some(Projection::split(&word).0));
     }

@@ -9,7 +9,7 @@ use crate::map::Size;
 use crate::mesh::Body;
 use crate::progress::Progress;
 use crate::raster::Geometry;
-use crate::recipe::{self, Files, LeftOut, Recipe, Stamp};
+use crate::recipe::{self, Files, LeftOut, Recipe, Stamp, file_of_mesh, leaves_folder};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -213,9 +213,22 @@ impl Studio {
         all.iter().find(|left| left.layer == layer)
     }
 
-    /// Why the mesh of the recipe is not the one that is shown, once that is known.
-    pub fn no_mesh(&self) -> Option<&Error> {
-        self.no_mesh.as_deref()
+    /// Why the mesh of the recipe is not the one that is shown, as a clause, once that is known.
+    pub fn no_mesh(&self) -> Option<String> {
+        let error = self.no_mesh.as_ref()?;
+        let files = self.document.files();
+        Some(match file_of_mesh(self.mesh_name()) {
+            Some(file) if self.is_outside(file) => {
+                format!("{file} lies outside the recipe's folder")
+            }
+            Some(file) if files.resolve("mesh", file).is_err() => format!("{file} is not there"),
+            _ => error.to_string(),
+        })
+    }
+
+    /// Whether a file that the recipe names lies where it may not name it.
+    pub fn is_outside(&self, file: &str) -> bool {
+        !self.document.files().allow_outside && leaves_folder(file)
     }
 
     /// Tells of the mesh and of layers that are not shown, each when it begins. What lies outside the recipe's folder is left
@@ -235,12 +248,13 @@ impl Studio {
                     .with_hint("Its properties find the file again"),
             );
         }
-        if let Some(error) = &self.no_mesh
-            && !self.outside_files().iter().any(|f| f == self.mesh_name())
+        let file = file_of_mesh(self.mesh_name());
+        if let Some(why) = self.no_mesh()
+            && !file.is_some_and(|file| self.is_outside(file))
         {
             let what = format!("the mesh `{}`", self.mesh_name());
             told.push(
-                Error::invalid(what, "not shown", error.to_string())
+                Error::invalid(what, "not shown", why)
                     .with_hint("The properties of the document find the file again"),
             );
         }

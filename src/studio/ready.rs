@@ -255,8 +255,8 @@ impl Studio {
         if ground.on_mesh && self.shown.mesh.as_deref() != Some(shown) {
             let allowed = "allowed: the one that is shown";
             let error = Error::invalid("the mesh to paint on", format!("`{shown}`"), allowed);
-            return Some(error.with_hint(match &self.no_mesh {
-                Some(why) => format!("It could not be read: {why}"),
+            return Some(error.with_hint(match self.no_mesh() {
+                Some(why) => format!("It is not shown: {why}"),
                 None => "It is being loaded".to_owned(),
             }));
         }

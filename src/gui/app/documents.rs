@@ -138,6 +138,12 @@ impl App {
 
     /// Saves, whatever the file holds; first copies what has to lie beside it, without keeping anybody waiting.
     fn save_over(&mut self, ctx: &Context, path: &Path) {
+        if self.saving.is_some() {
+            self.desk
+                .messages
+                .news("What the recipe reads is still being copied: save again when that is done");
+            return;
+        }
         let Some(order) = self.desk.studio.copies_for(path) else {
             return self.finish_saving(ctx, path, None);
         };
