@@ -2,12 +2,13 @@
 
 mod cursor;
 mod lamp;
+mod outlines;
 mod stroke;
 
 use super::desk::Desk;
 use super::guides::Sheet;
 use super::icons::Icon;
-use super::overlay::{LegendPicture, Overlay, Ranges, needle_shapes};
+use super::overlay::{LegendPicture, Overlay, Ranges, lint_legend, needle_shapes};
 use super::pane::{put, strip, tab};
 use super::theme::Palette;
 use super::widgets::{icon_button, overlay_text};
@@ -23,10 +24,11 @@ use eframe::egui::{
     Role, Sense, Shape, Stroke, TextureHandle, Ui, WidgetInfo, pos2, vec2,
 };
 use glam::{DVec2, Vec2, Vec3};
+use outlines::Layout;
 use stroke::{Adjusting, Drawing};
 
 /// What the names of all views and the buttons beside them need, points.
-const TABS: f32 = 510.0;
+const TABS: f32 = 536.0;
 
 /// What the canvas shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,6 +92,7 @@ pub(crate) struct CanvasPane {
     pub(crate) probe: Option<Probe>,
     pub(crate) wrap: bool,
     holding_light: bool,
+    layout: Layout,
     overlay: Overlay,
     ranges: Ranges,
     legend: LegendPicture,
@@ -115,6 +118,7 @@ impl Default for CanvasPane {
             probe: None,
             wrap: false,
             holding_light: false,
+            layout: Layout::default(),
             overlay: Overlay::default(),
             ranges: Ranges::default(),
             legend: LegendPicture::default(),
@@ -147,6 +151,7 @@ impl CanvasPane {
         }
         let painter = ui.painter_at(rect);
         self.draw_overlay(ui, &painter, desk, camera);
+        self.layout.show(ui, &painter, rect, desk, camera);
         self.frame_of_map(&painter, desk, camera, ui);
         if desk.hand.kind() == ToolKind::Guide {
             self.edit_guides(ui, &painter, &response, desk, camera);
@@ -172,6 +177,11 @@ impl CanvasPane {
                 for (icon, action, on) in [
                     (Icon::Frame, Action::CanvasFit, false),
                     (Icon::Wrap, Action::ToggleWrap, self.wrap),
+                    (
+                        Icon::Outlines,
+                        Action::ToggleOutlines,
+                        self.layout.is_shown(desk),
+                    ),
                 ] {
                     let button = icon_button(ui, icon, action.name(), 24.0, on);
                     if button.on_hover_text(desk.tip(action)).clicked() {
@@ -253,6 +263,17 @@ impl CanvasPane {
         self.last_end = None;
     }
 
+    /// Shows or hides where the charts of the mesh end.
+    pub(crate) fn toggle_outlines(&mut self, desk: &Desk) {
+        self.layout.toggle(desk);
+    }
+
+    /// Whether it shows where the charts of the mesh end.
+    #[cfg(test)]
+    pub(crate) fn shows_outlines(&self, desk: &Desk) -> bool {
+        self.layout.is_shown(desk)
+    }
+
     /// Shows the whole map, and goes on to until somebody moves it.
     pub(crate) fn fit(&mut self) {
         self.fits = true;
@@ -292,7 +313,11 @@ impl CanvasPane {
         // A flat map cannot be turned: what turns the mesh moves it.
         let pans = matches!(held, Some(Drag::Turn | Drag::Pan))
             || (space && response.dragged_by(PointerButton::Primary));
-        if pans && self.drawing.is_none() && !desk.guides.is_held() {
+        // With the guide tool it draws, whatever else is held.
+        let draws = desk.hand.kind() == ToolKind::Guide
+            && response.dragged_by(PointerButton::Primary)
+            && !space;
+        if pans && !draws && self.drawing.is_none() && !desk.guides.is_held() {
             let delta = response.drag_delta();
             let by = DVec2::new(f64::from(delta.x), f64::from(delta.y)) * scale;
             *camera = camera.panned(self.map, by);
@@ -481,7 +506,10 @@ impl CanvasPane {
         let view = self.kind.view(self.light, self.ranges, desk);
         self.legend.show(ui, painter, corner, view);
         if let Some(text) = self.overlay.text(self.kind, desk) {
-            overlay_text(painter, corner, Align2::LEFT_BOTTOM, &text);
+            let below = overlay_text(painter, corner, Align2::LEFT_BOTTOM, &text);
+            if self.kind == Kind::Lint && self.overlay.has_marks() {
+                lint_legend(painter, below.left_top() - vec2(0.0, 6.0));
+            }
         }
     }
 

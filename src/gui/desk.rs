@@ -289,7 +289,9 @@ impl Desk {
             .skip(self.studio.selected() + 1);
         let lead = |l: &&Layer| match &l.source {
             Source::Guides(guides) => {
+                // Through a mask it may show here or not.
                 l.visible
+                    && l.mask.is_none()
                     && l.opacity > 0.5
                     && l.channels.direction
                     && !guides.only_near

@@ -8,7 +8,7 @@ use super::properties::sentence;
 use super::theme::Palette;
 use super::tools::shown;
 use super::widgets::{Bar, caption, choices, icon_button};
-use anisomap::guide::{Guide, Guides, HandleKind, Mode, Modifiers, Shape};
+use anisomap::guide::{Guide, Guides, Handle, HandleKind, Mode, Modifiers, Shape};
 use anisomap::map::AnisoMap;
 use anisomap::recipe::{Channels, Layer, Source};
 use eframe::egui::{self, Color32, CursorIcon, Painter, Pos2, Stroke, Ui};
@@ -19,7 +19,7 @@ const NEAR_HANDLE: f32 = 9.0;
 const NEAR_OUTLINE: f32 = 6.0;
 /// How far a press must go before it draws, and how far a hand trembles, points.
 const DRAWS: f32 = 5.0;
-const TREMBLE: f32 = 5.0;
+const TREMBLE: f32 = 2.0;
 /// Widths whose ratio stays below this show no direction to speak of.
 const ROUND: f32 = 1.25;
 
@@ -50,6 +50,10 @@ struct Grip {
 #[derive(Default)]
 pub(crate) struct GuideHand {
     pub(crate) selected: Option<usize>,
+    /// The point of its curve that was last taken hold of: its tangents are shown.
+    knot: usize,
+    /// The guide whose numbers the panel showed last.
+    in_panel: Option<usize>,
     /// The layer that the selected one is in.
     of_layer: usize,
     /// What a drag draws, as a place in [`Shape::NAMES`], and how it leads.
@@ -79,9 +83,20 @@ fn selected_guides(desk: &Desk) -> Option<(usize, Guides)> {
     }
 }
 
-/// What the history calls a guide that was drawn, and one that was changed.
-const DRAW: &str = "Draw guide";
-const CHANGE: &str = "Change guide";
+/// What the history calls a change of the nth guide.
+fn told(what: &str, shape: &Shape, i: usize) -> String {
+    format!("{what} {} {}", shape.name(), i + 1)
+}
+
+/// What dragging a handle does.
+fn verb(kind: HandleKind) -> &'static str {
+    match kind {
+        HandleKind::Center => "Move",
+        HandleKind::Rotation => "Turn",
+        HandleKind::Scale => "Scale",
+        _ => "Reshape",
+    }
+}
 
 /// Gives a layer other guides; `false` where that was refused.
 fn set(desk: &mut Desk, at: usize, what: &str, guides: Guides) -> bool {
@@ -114,10 +129,9 @@ impl GuideHand {
             self.selected = None;
             self.of_layer = desk.studio.selected();
         }
-        let keys = ui.input(|i| i.modifiers);
         for pen in pen(ui, response) {
             match pen {
-                Pen::Down(at) if !keys.alt && !(sheet.taken)(at) => self.press(desk, at, sheet),
+                Pen::Down(at) if !(sheet.taken)(at) => self.press(desk, at, sheet),
                 Pen::Down(_) => {}
                 Pen::Move(at) => self.go_on(at, sheet),
                 Pen::Up => {
@@ -159,7 +173,10 @@ impl GuideHand {
         });
         let (held, turns) = match met {
             Some((selected, held, turns)) => {
-                self.selected = Some(selected);
+                self.select(selected);
+                if let Held::Handle(HandleKind::Point(i), _) = held {
+                    self.take_knot(desk, i);
+                }
                 (held, turns)
             }
             None => (Held::New(vec![uv - copy], pointer), copy),
@@ -185,7 +202,7 @@ impl GuideHand {
         let uv = (sheet.to_uv)(pointer) - turns;
         if let Some((i, guide)) = self.selected.and_then(|i| Some((i, guides.guide.get(i)?))) {
             // Those that lie over others come last.
-            let handles = guide.handles(aspect);
+            let handles = self.handles(guide, aspect);
             let away = |at: Vec2| (sheet.to_screen)(at + turns).distance(pointer);
             let near = handles.iter().rev().find(|h| away(h.at) < NEAR_HANDLE);
             if let Some(handle) = near {
@@ -229,11 +246,11 @@ impl GuideHand {
             }
             Held::Handle(kind, by) => {
                 let (kind, to) = (*kind, to - *by);
-                self.change(desk, CHANGE, |g| g.drag(kind, to, modifiers, aspect))
+                self.change(desk, verb(kind), |g| g.drag(kind, to, modifiers, aspect))
             }
             Held::Body(by) => {
                 let to = to - *by;
-                self.change(desk, CHANGE, |g| {
+                self.change(desk, "Move", |g| {
                     g.drag(HandleKind::Center, to, modifiers, aspect)
                 })
             }
@@ -248,11 +265,44 @@ impl GuideHand {
         let Some((at, mut guides)) = selected_guides(desk) else {
             return false;
         };
-        let Some(guide) = self.selected.and_then(|i| guides.guide.get_mut(i)) else {
+        let Some((i, guide)) = self
+            .selected
+            .and_then(|i| Some((i, guides.guide.get_mut(i)?)))
+        else {
             return false;
         };
         *guide = change(guide);
-        set(desk, at, what, guides)
+        let what = told(what, &guide.shape, i);
+        set(desk, at, &what, guides)
+    }
+
+    fn select(&mut self, guide: usize) {
+        if self.selected != Some(guide) {
+            (self.selected, self.knot) = (Some(guide), 0);
+        }
+    }
+
+    /// The point of a curve that the nth of its points belongs to is the one that is meant now.
+    fn take_knot(&mut self, desk: &Desk, i: usize) {
+        let Some((_, guides)) = selected_guides(desk) else {
+            return;
+        };
+        let guide = self.selected.and_then(|i| guides.guide.get(i));
+        if let Some(Shape::Curve { points, .. }) = guide.map(|g| &g.shape) {
+            self.knot = knot_of(i, points.len());
+        }
+    }
+
+    /// The handles that are shown: of a curve's tangents those of one point alone.
+    fn handles(&self, guide: &Guide, aspect: f32) -> Vec<Handle> {
+        let mut handles = guide.handles(aspect);
+        if let Shape::Curve { points, .. } = &guide.shape {
+            handles.retain(|h| match h.kind {
+                HandleKind::Point(i) => i % 3 == 0 || knot_of(i, points.len()) == self.knot,
+                _ => true,
+            });
+        }
+        handles
     }
 
     /// Puts the guide that is being drawn over those of the layer, in the place of what it was a moment ago; on a layer of its
@@ -261,19 +311,22 @@ impl GuideHand {
         let before = self.grip.as_ref().is_some_and(|g| g.changed);
         desk.close_hint();
         match selected_guides(desk) {
-            Some(_) if before => self.change(desk, DRAW, |_| guide),
+            Some(_) if before => self.change(desk, "Draw", |_| guide),
             Some((at, mut guides)) => {
+                let i = guides.guide.len();
+                let what = told("Draw", &guide.shape, i);
                 guides.guide.push(guide);
-                self.selected = Some(guides.guide.len() - 1);
-                set(desk, at, DRAW, guides)
+                self.select(i);
+                set(desk, at, &what, guides)
             }
             None => {
                 let mut layer = layer(desk);
+                let what = told("Draw", &guide.shape, 0);
                 if let Source::Guides(guides) = &mut layer.source {
                     guides.guide.push(guide);
                 }
-                self.selected = Some(0);
-                let added = desk.studio.add_growing_layer(layer, DRAW);
+                (self.selected, self.knot) = (Some(0), 0);
+                let added = desk.studio.add_growing_layer(layer, &what);
                 self.of_layer = desk.studio.selected();
                 desk.told(added).is_some()
             }
@@ -315,6 +368,7 @@ impl GuideHand {
     /// What the held keys do to the drag that goes on, or would do to one.
     pub(crate) fn hint(&self, keys: egui::Modifiers) -> Option<&'static str> {
         let name = Shape::NAMES[self.shape];
+        let from_middle = matches!(name, "line" | "ellipse" | "rectangle");
         let held = self.grip.as_ref().map(|g| &g.held);
         match held {
             Some(Held::Handle(HandleKind::Rotation, _)) if keys.command => {
@@ -324,12 +378,13 @@ impl GuideHand {
                 Some("keeps the shape")
             }
             Some(Held::Handle(..) | Held::Body(_)) => None,
-            None if keys.alt => None,
+            None if keys.alt && !from_middle => Some("Space and a drag: move the map"),
+            None if keys.alt => Some("drag: from its middle; Space and a drag: move the map"),
             _ => match name {
                 "line" if keys.shift || keys.command => Some("steps of 15\u{b0}"),
                 "ellipse" if keys.shift => Some("a circle"),
                 "rectangle" if keys.shift => Some("a square"),
-                "line" | "ellipse" | "rectangle" if keys.alt => Some("from its middle"),
+                _ if keys.alt && from_middle => Some("from its middle"),
                 _ => None,
             },
         }
@@ -394,8 +449,13 @@ impl GuideHand {
     ) {
         let pointer = ui.input(|i| i.pointer.hover_pos());
         let centre = (sheet.to_screen)(guide.center().into());
-        let handles = guide.handles(aspect);
+        let handles = self.handles(guide, aspect);
         let is_curve = matches!(guide.shape, Shape::Curve { .. });
+        let near = |h: &&Handle| {
+            pointer.is_some_and(|p| p.distance((sheet.to_screen)(h.at)) < NEAR_HANDLE)
+        };
+        // Of those that lie over each other the one that a press takes hold of.
+        let under = handles.iter().rev().find(near).map(|h| h.kind);
         for handle in &handles {
             let at = (sheet.to_screen)(handle.at);
             if handle.kind == HandleKind::Rotation {
@@ -405,7 +465,7 @@ impl GuideHand {
             let hot = match held {
                 Some(Held::Handle(kind, _)) => *kind == handle.kind,
                 Some(_) => false,
-                None => pointer.is_some_and(|p| p.distance(at) < NEAR_HANDLE),
+                None => under == Some(handle.kind),
             };
             let fill = if hot {
                 accent
@@ -417,7 +477,7 @@ impl GuideHand {
                 HandleKind::Point(i) if is_curve && i % 3 != 0 => {
                     // What pulls the curve hangs on the place that it passes.
                     let n = guide.shape.points().map_or(1, |(points, _)| points.len());
-                    let knot = if i % 3 == 1 { i - 1 } else { (i + 1) % n };
+                    let knot = knot_of(i, n);
                     let knot = handles.iter().find(|h| h.kind == HandleKind::Point(knot));
                     if let Some(knot) = knot {
                         let line = Stroke::new(1.0, accent.gamma_multiply(0.6));
@@ -430,6 +490,10 @@ impl GuideHand {
                 }
                 HandleKind::Falloff => {
                     painter.circle(at, 3.5, fill, stroke);
+                }
+                HandleKind::Point(i) if is_curve && i == self.knot => {
+                    let square = egui::Rect::from_center_size(at, egui::Vec2::splat(8.0));
+                    painter.rect(square, 1.0, accent, stroke, egui::StrokeKind::Middle);
                 }
                 _ => {
                     let square = egui::Rect::from_center_size(at, egui::Vec2::splat(8.0));
@@ -455,10 +519,19 @@ impl GuideHand {
         let Some(i) = self.selected.take().filter(|i| *i < guides.guide.len()) else {
             return false;
         };
-        guides.guide.remove(i);
-        set(desk, at, "Delete guide", guides);
+        let gone = guides.guide.remove(i);
+        set(desk, at, &told("Delete", &gone.shape, i), guides);
         desk.studio.seal();
         true
+    }
+}
+
+/// The place on a curve of so many points that the nth of them is, or hangs on.
+fn knot_of(i: usize, points: usize) -> usize {
+    match i % 3 {
+        1 => i - 1,
+        2 => (i + 1) % points,
+        _ => i,
     }
 }
 
@@ -535,6 +608,8 @@ fn unseen(desk: &Desk) -> Option<&'static str> {
 
 const NEEDS_WIDTHS: &str = "Both widths are alike here: a direction does not show.";
 
+const HOW: &str = "A drag on the map draws a guide; with Shift held it is even (a circle, a square, a line in steps of 15\u{b0}), with Alt it grows from its middle. A click selects one; handles and outlines drag; Delete takes it away, Escape calls a drag off.";
+
 /// The bar of the tool: what a drag draws, how it leads, and what to know.
 pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk, hand: &mut GuideHand) {
     let words = Shape::NAMES.map(sentence);
@@ -565,16 +640,11 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk, hand: &mut GuideHand) {
         .on_hover_text("Which way the selected guide, and the next one, leads the direction.");
     if mode != before {
         hand.mode = mode;
-        let changed = hand.selected.is_some() && hand.change(desk, CHANGE, |g| with_mode(g, mode));
+        let changed =
+            hand.selected.is_some() && hand.change(desk, "Lead with", |g| with_mode(g, mode));
         if changed {
             desk.studio.seal();
         }
-    }
-    if let Some((at, mut guides)) = selected_guides(desk)
-        && near_box(ui, &mut guides)
-    {
-        set(desk, at, CHANGE, guides);
-        desk.studio.seal();
     }
     let palette = Palette::of(ui);
     match unseen(desk) {
@@ -587,12 +657,12 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk, hand: &mut GuideHand) {
                 give_widths(desk);
             }
             let text = egui::RichText::new(why).color(palette.warning);
-            ui.add(egui::Label::new(text).truncate());
+            ui.add(egui::Label::new(text).truncate()).on_hover_text(why);
         }
         None => {
-            let text = "Drag on the map to draw one. A click selects, handles and outlines drag; Shift: even, Alt: from the middle; Delete takes it away.";
+            let text = "Drag: draw. Click: select. Shift: even. Alt: from the middle.";
             let text = egui::RichText::new(text).color(palette.weak);
-            ui.add(egui::Label::new(text).truncate());
+            ui.add(egui::Label::new(text).truncate()).on_hover_text(HOW);
         }
     }
 }
@@ -666,34 +736,50 @@ pub(crate) fn panel(
     guides: &Guides,
 ) {
     let mut now = guides.clone();
-    let mut finished = false;
-    caption(ui, "Add a guide");
-    ui.horizontal_wrapped(|ui| {
-        for name in Shape::NAMES {
-            if ui
-                .button(sentence(name))
-                .on_hover_text(format!(
-                    "Puts a guide of the shape `{name}` into the middle of the map."
-                ))
-                .clicked()
-            {
-                now.guide.push(Guide {
-                    center: Some([0.5; 2]),
-                    mode: hand.mode,
-                    ..Guide::new(first_shape(name))
-                });
-                hand.selected = Some(now.guide.len() - 1);
-                finished = true;
-            }
-        }
-    });
-    finished |= layer_rows(ui, &mut now, unseen(desk));
-    finished |= list(ui, hand, &mut now);
-    if let Some(guide) = hand.selected.and_then(|i| now.guide.get_mut(i)) {
-        finished |= guide_rows(ui, guide);
+    let mut what = "Change guides".to_owned();
+    let mut finished = layer_rows(ui, &mut now, unseen(desk));
+    caption(ui, "Guides");
+    let name = Shape::NAMES[hand.shape];
+    if ui
+        .button(format!("Add {name}"))
+        .on_hover_text(
+            "Puts a guide of the shape that the bar above says into the middle of the map.",
+        )
+        .clicked()
+    {
+        now.guide.push(Guide {
+            center: Some([0.5; 2]),
+            mode: hand.mode,
+            ..Guide::new(first_shape(name))
+        });
+        hand.select(now.guide.len() - 1);
+        what = told(
+            "Add",
+            &now.guide[now.guide.len() - 1].shape,
+            now.guide.len() - 1,
+        );
+        finished = true;
     }
+    let before = now.guide.len();
+    finished |= list(ui, hand, &mut now);
+    if now.guide.len() < before {
+        "Delete guide".clone_into(&mut what);
+    }
+    if let Some((i, guide)) = hand.selected.and_then(|i| Some((i, now.guide.get_mut(i)?))) {
+        let old = guide.clone();
+        let rows = ui.scope(|ui| guide_rows(ui, guide));
+        finished |= rows.inner;
+        if *guide != old {
+            what = told("Change", &guide.shape, i);
+        }
+        if hand.in_panel != Some(i) {
+            // One that was selected on the map: its numbers come into sight, as far as there is room from the first on.
+            rows.response.scroll_to_me(Some(egui::Align::TOP));
+        }
+    }
+    hand.in_panel = hand.selected;
     if now != *guides {
-        set(desk, at, CHANGE, now);
+        set(desk, at, &what, now);
     }
     if finished {
         desk.studio.seal();
@@ -710,7 +796,7 @@ fn list(ui: &mut Ui, hand: &mut GuideHand, guides: &mut Guides) -> bool {
                 .on_hover_text("Selects the guide; Delete takes it away.")
                 .clicked()
             {
-                hand.selected = Some(i);
+                hand.select(i);
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let bin = icon_button(

@@ -3,7 +3,7 @@
 use super::desk::Desk;
 use super::icons::Icon;
 use super::theme::Palette;
-use super::widgets::{heading, icon_button};
+use super::widgets::{HEADING, heading, icon_button};
 use anisomap::recipe::{Layer, LeftOut, Source};
 use anisomap::studio::action::Action;
 use anisomap::studio::parameters::default_pattern;
@@ -14,6 +14,11 @@ use eframe::egui::{
 
 /// Height of a layer's row.
 const ROW: f32 = 32.0;
+
+/// How high the list of so many layers is, with its heading.
+pub(crate) fn list_height(layers: usize) -> f32 {
+    HEADING + (layers.max(2) as f32) * (ROW + 1.0) + 6.0
+}
 
 /// What the list remembers.
 #[derive(Default)]
@@ -28,6 +33,8 @@ struct Line {
     visible: bool,
     opacity: f32,
     is_masked: bool,
+    /// Whether the mask is one to be painted on.
+    takes_paint: bool,
     icon: Icon,
     /// Why it is not shown, where a file of its is missing.
     missing: Option<String>,
@@ -40,6 +47,10 @@ impl Line {
             visible: layer.visible,
             opacity: layer.opacity,
             is_masked: layer.mask.is_some(),
+            takes_paint: layer
+                .mask
+                .as_ref()
+                .is_some_and(|m| m.source.name() == "strokes"),
             icon: source_icon(&layer.source),
             missing: missing.map(|left| left.reason.clone()),
         }
@@ -126,7 +137,8 @@ impl LayersPanel {
                 },
             )
         });
-        paint_row(ui, rect, &response, &layer, selected);
+        let framed = (selected && layer.takes_paint).then(|| desk.studio.is_mask_selected());
+        paint_row(ui, rect, &response, &layer, selected, framed);
         self.parts(ui, desk, at, &layer, rect);
         if response.clicked() || response.drag_started() {
             desk.studio.select(at);
@@ -197,9 +209,13 @@ impl LayersPanel {
                 |h| h.visible = !h.visible,
             );
         }
+        if layer.takes_paint {
+            thumbnails(ui, desk, at, layer, rect);
+        }
+        let left = if layer.is_masked { 86.0 } else { 62.0 };
         let name = Rect::from_min_max(
-            pos2(rect.left() + 62.0, rect.top() + 4.0),
-            pos2(rect.right() - 58.0, rect.bottom() - 4.0),
+            pos2(rect.left() + left, rect.top() + 4.0),
+            pos2(rect.right() - 44.0, rect.bottom() - 4.0),
         );
         match &mut self.renaming {
             Some((renamed, text, fresh)) if *renamed == at => {
@@ -245,7 +261,48 @@ impl LayersPanel {
     }
 }
 
-fn paint_row(ui: &Ui, rect: Rect, response: &Response, layer: &Line, selected: bool) {
+/// A click on the one or the other says where strokes go: to the layer, or to its mask.
+fn thumbnails(ui: &Ui, desk: &mut Desk, at: usize, layer: &Line, row: Rect) {
+    for mask in [false, true] {
+        let id = Id::unique(("thumbnail", at, mask));
+        let response = ui.interact(thumbnail(row, mask), id, Sense::click());
+        let (name, what) = (&layer.name, if mask { "the mask of" } else { "the layer" });
+        let chosen = desk.studio.selected() == at && desk.studio.is_mask_selected() == mask;
+        response.widget_info(|| {
+            WidgetInfo::selected(
+                Role::Button,
+                true,
+                chosen,
+                format!("Paint on {what} {name}"),
+            )
+        });
+        let tip = if mask {
+            "Strokes go to the mask: brushes show the layer, the eraser hides it. View 8 shows the mask."
+        } else {
+            "Strokes go to the layer itself."
+        };
+        if response.on_hover_text(tip).clicked() {
+            desk.studio.select(at);
+            desk.studio.select_mask(mask);
+        }
+    }
+}
+
+/// Where a layer's own icon is, and that of its mask.
+fn thumbnail(row: Rect, mask: bool) -> Rect {
+    let x = row.left() + if mask { 68.0 } else { 44.0 };
+    Rect::from_center_size(pos2(x, row.center().y), vec2(22.0, 22.0))
+}
+
+/// `framed` says which of both is painted on, where there are two: the mask or not.
+fn paint_row(
+    ui: &Ui,
+    rect: Rect,
+    response: &Response,
+    layer: &Line,
+    selected: bool,
+    framed: Option<bool>,
+) {
     let palette = Palette::of(ui);
     let painter = ui.painter();
     if selected {
@@ -269,10 +326,18 @@ fn paint_row(ui: &Ui, rect: Rect, response: &Response, layer: &Line, selected: b
             StrokeKind::Inside,
         );
     }
-    let icon = Rect::from_center_size(pos2(rect.left() + 44.0, rect.center().y), vec2(18.0, 18.0));
+    let icon = thumbnail(rect, false).shrink(2.0);
     match layer.missing {
         Some(_) => Icon::Warning.paint(painter, icon, palette.warning),
         None => layer.icon.paint(painter, icon, palette.weak),
+    }
+    if let Some(mask) = framed {
+        painter.rect_stroke(
+            thumbnail(rect, mask),
+            CornerRadius::same(2),
+            Stroke::new(1.5, palette.accent),
+            StrokeKind::Inside,
+        );
     }
     let right = pos2(rect.right() - 10.0, rect.center().y);
     let text = format!("{:.0}%", layer.opacity * 100.0);
@@ -284,8 +349,7 @@ fn paint_row(ui: &Ui, rect: Rect, response: &Response, layer: &Line, selected: b
         palette.weak,
     );
     if layer.is_masked {
-        let mask =
-            Rect::from_center_size(pos2(rect.right() - 52.0, rect.center().y), vec2(15.0, 15.0));
+        let mask = thumbnail(rect, true).shrink(3.0);
         Icon::Mask.paint(painter, mask, palette.weak);
     }
 }
@@ -295,7 +359,7 @@ fn source_icon(source: &Source) -> Icon {
     match source.name() {
         "strokes" => Icon::Groove,
         "guides" => Icon::Guide,
-        "image" | "stored" => Icon::Mask,
+        "image" | "stored" => Icon::Picture,
         "radial" => Icon::Radial,
         "scratches" => Icon::Scratch,
         "weave" => Icon::Wrap,

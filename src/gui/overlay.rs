@@ -10,16 +10,21 @@ use anisomap::progress::Progress;
 use anisomap::studio::apart;
 use anisomap::studio::view::{
     AlphaRange, Camera2d, Coverage, Legend, LegendShape, LintMarks, MarkedPole, Needle, RatioRange,
-    View,
+    View, seam_colour,
 };
 use eframe::egui::{
     Align2, Color32, ColorImage, CornerRadius, FontId, Painter, Pos2, Rect, Shape, Stroke,
     TextureHandle, TextureOptions, Ui, pos2, vec2,
 };
+use glam::DVec2;
 use std::collections::BTreeMap;
 
 /// The colour of a layer's coverage.
 const COVERAGE: [u8; 3] = [0xe2, 0x57, 0x8f];
+/// How opaque it is where the layer covers all.
+const COVERED: f32 = 0.62;
+/// A mask in grey: what it shows is white.
+const SHOWN: [u8; 3] = [255; 3];
 /// Size of a legend's strip and wheel, points.
 const STRIP: (u32, u32) = (220, 12);
 const WHEEL: (u32, u32) = (120, 60);
@@ -231,14 +236,24 @@ impl Overlay {
         if self.drawn != Some((Kind::Coverage, camera)) {
             let part = camera.size.rect();
             self.pixels.resize(part.texels() * 4, 0);
-            coverage.draw(
-                desk.studio.map().wrap(),
-                &camera,
-                COVERAGE,
-                part,
-                &mut self.pixels,
-            );
+            let (colour, opacity) = match layer.1 {
+                true => (SHOWN, 1.0),
+                false => (COVERAGE, COVERED),
+            };
+            let wrap = desk.studio.map().wrap();
+            coverage.draw(wrap, &camera, colour, opacity, part, &mut self.pixels);
             self.upload(ui, Kind::Coverage, camera);
+        }
+        if layer.1 {
+            let [low, high] = [DVec2::new(0.0, 1.0), DVec2::new(1.0, 0.0)]
+                .map(|uv| camera.pixel_of_uv(map, uv).as_vec2() / ui.pixels_per_point())
+                .map(|p| rect.min + vec2(p.x, p.y));
+            let ground = if camera.repeat {
+                rect
+            } else {
+                Rect::from_min_max(low, high)
+            };
+            painter.rect_filled(ground, CornerRadius::ZERO, Color32::BLACK);
         }
         self.paint(painter, rect);
     }
@@ -353,6 +368,11 @@ impl Overlay {
         }
     }
 
+    /// Whether there are marks, to be explained.
+    pub(crate) fn has_marks(&self) -> bool {
+        self.marks.is_some()
+    }
+
     /// What there is to say of the overlay.
     pub(crate) fn text(&self, kind: Kind, desk: &Desk) -> Option<String> {
         match kind {
@@ -366,7 +386,19 @@ impl Overlay {
                 let layer = self
                     .covers
                     .and_then(|(at, _)| desk.studio.recipe().layers.get(at));
-                layer.map(|l| format!("Strokes of {}", l.name()))
+                let mask = self.covers.is_some_and(|(_, mask)| mask);
+                layer.map(
+                    |l| match (mask, l.mask.as_ref().is_some_and(|m| m.invert)) {
+                        (false, _) => format!("Strokes of {}", l.name()),
+                        (true, false) => {
+                            format!("Mask of {}: white shows it, black hides it", l.name())
+                        }
+                        (true, true) => format!(
+                            "Mask of {}, inverted: black shows it, white hides it",
+                            l.name()
+                        ),
+                    },
+                )
             }
             Kind::Lint => Some(match (&self.marks, &self.work) {
                 (_, Some(_)) => "Looking the map over\u{2026}".to_owned(),
@@ -378,12 +410,64 @@ impl Overlay {
     }
 }
 
+/// What lines and badges of the lint view mean, above a place.
+pub(crate) fn lint_legend(painter: &Painter, corner: Pos2) {
+    const ROWS: [&str; 5] = [
+        "the direction jumps at a seam: 1\u{b0} yellow to 30\u{b0} red",
+        "directions turn once, or half, with the way around",
+        "directions turn against the way around",
+        "so many points of both kinds in one place",
+        "texels out of some format's range",
+    ];
+    let font = FontId::proportional(11.0);
+    let ink = Color32::from_rgb(0xe8, 0xe9, 0xea);
+    let wide = painter.clip_rect().right() - corner.x - 12.0;
+    let galleys = ROWS.map(|row| painter.layout(row.to_owned(), font.clone(), ink, wide - 60.0));
+    let high: f32 = galleys.iter().map(|g| g.size().y.max(22.0) + 3.0).sum();
+    let across = galleys.iter().map(|g| g.size().x).fold(0.0, f32::max) + 60.0;
+    let ground = Rect::from_min_size(corner - vec2(0.0, high + 10.0), vec2(across, high + 10.0));
+    if ground.top() < painter.clip_rect().top() + 60.0 {
+        return; // it would hide what it explains
+    }
+    let dark = Color32::from_rgba_unmultiplied(12, 13, 15, 200);
+    painter.rect_filled(ground, CornerRadius::same(5), dark);
+    let mut top = ground.top() + 5.0;
+    for (n, galley) in galleys.into_iter().enumerate() {
+        let row = galley.size().y.max(22.0);
+        let at = pos2(ground.left() + 24.0, top + 0.5 * row);
+        match n {
+            0 => {
+                for i in 0..32 {
+                    let [r, g, b, _] = seam_colour(30.0f32.powf(i as f32 / 31.0));
+                    let x = at.x - 16.0 + i as f32;
+                    let ends = [pos2(x, at.y), pos2(x + 1.0, at.y)];
+                    painter.line_segment(ends, Stroke::new(3.0, Color32::from_rgb(r, g, b)));
+                }
+            }
+            1 => badge(painter, at, POLE, POSITIVE, "+\u{bd}"),
+            2 => badge(painter, at, POLE, NEGATIVE, "-\u{bd}"),
+            3 => badge(painter, at, POLE, BOTH, "3\u{d7}"),
+            _ => {
+                let square = Rect::from_center_size(at, vec2(12.0, 12.0));
+                painter.rect_filled(square, CornerRadius::ZERO, Color32::from_rgb(255, 96, 32));
+            }
+        }
+        let place = pos2(ground.left() + 50.0, top + 0.5 * (row - galley.size().y));
+        painter.galley(place, galley, ink);
+        top += row + 3.0;
+    }
+}
+
 /// Poles that lie so near each other that their marks would: where they are in the middle, and which they are.
 struct Heap {
     at: Pos2,
     poles: Vec<usize>,
 }
 
+/// Colours of the marks of poles: of positive ones, of negative ones, of several of both.
+const POSITIVE: Color32 = Color32::from_rgb(0xff, 0xc8, 0x5a);
+const NEGATIVE: Color32 = Color32::from_rgb(0x6a, 0xc4, 0xff);
+const BOTH: Color32 = Color32::from_rgb(0xe8, 0xe9, 0xea);
 /// Radius of the mark of a pole, points.
 const POLE: f32 = 11.0;
 
@@ -430,21 +514,24 @@ fn paint_heap(painter: &Painter, heap: &Heap, poles: &[MarkedPole]) {
     let sign = |i: &usize| poles[*i].halves.signum();
     let first = sign(&heap.poles[0]);
     let colour = if heap.poles.iter().any(|i| sign(i) != first) {
-        Color32::from_rgb(0xe8, 0xe9, 0xea)
+        BOTH
     } else if first > 0 {
-        Color32::from_rgb(0xff, 0xc8, 0x5a)
+        POSITIVE
     } else {
-        Color32::from_rgb(0x6a, 0xc4, 0xff)
+        NEGATIVE
     };
     let label = match &heap.poles[..] {
         [one] => poles[*one].label.clone(),
         many => format!("{}\u{d7}", many.len()),
     };
-    let radius = heap.radius();
-    painter.circle_filled(heap.at, radius, Color32::from_black_alpha(215));
-    painter.circle_stroke(heap.at, radius, Stroke::new(1.5, colour));
+    badge(painter, heap.at, heap.radius(), colour, &label);
+}
+
+fn badge(painter: &Painter, at: Pos2, radius: f32, colour: Color32, label: &str) {
+    painter.circle_filled(at, radius, Color32::from_black_alpha(215));
+    painter.circle_stroke(at, radius, Stroke::new(1.5, colour));
     let font = FontId::proportional(11.0);
-    painter.text(heap.at, Align2::CENTER_CENTER, label, font, colour);
+    painter.text(at, Align2::CENTER_CENTER, label, font, colour);
 }
 
 fn summary(marks: &LintMarks) -> String {

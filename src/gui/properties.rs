@@ -345,7 +345,11 @@ fn word_row(ui: &mut Ui, name: &str, value: &str, words: &[&'static str]) -> Opt
 fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
     caption(ui, "Mask");
     ui.horizontal(|ui| {
-        let now = layer.mask.as_ref().map_or("none", |m| m.source.name());
+        let now = layer.mask.as_ref().map_or("none", |m| match m.source {
+            MaskSource::Strokes(_) if m.start.unwrap_or(0.0) > 0.5 => "painted, was all shown",
+            MaskSource::Strokes(_) => "painted, was all hidden",
+            _ => m.source.name(),
+        });
         egui::ComboBox::from_id_salt("mask")
             .width(140.0)
             .selected_text(now)

@@ -3,7 +3,7 @@
 use super::desk::Desk;
 use super::icons::Icon;
 use super::theme::Palette;
-use super::widgets::{Bar, icon_button, left_label};
+use super::widgets::{Bar, choices, icon_button, left_label};
 use anisomap::map::{ALPHA_MAX, ALPHA_MIN};
 use anisomap::paint::{Keep, Tool};
 use anisomap::studio::action::Action;
@@ -74,14 +74,43 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
         ui.add(egui::Label::new(text).truncate());
         return;
     }
+    let on_mask = desk.studio.is_mask_selected();
+    if on_mask {
+        of_mask(ui, desk);
+    }
     if kind != ToolKind::Fill {
         size_and_flow(ui, desk);
         ui.add_space(6.0);
     }
-    of_tool(ui, desk);
+    if !on_mask {
+        of_tool(ui, desk);
+    }
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
         symmetry(ui, desk);
     });
+}
+
+/// What a stroke on a mask does: of the brush its size, hardness and flow alone count there.
+fn of_mask(ui: &mut Ui, desk: &mut Desk) {
+    let layer = desk.studio.recipe().layers.get(desk.studio.selected());
+    let mask = layer.and_then(|l| l.mask.as_ref());
+    let inverted = mask.is_some_and(|m| m.invert);
+    let erases = desk.hand.kind() == ToolKind::Erase;
+    let now = usize::from(erases != inverted);
+    ui.label("Mask");
+    let row = vec2(110.0, super::theme::ROW);
+    let chosen = ui.allocate_ui(row, |ui| choices(ui, "Mask", &["Show", "Hide"], now));
+    chosen.response.on_hover_text(
+        "Every brush shows the layer where it paints, and the eraser hides it; Ctrl does the opposite while it is held.",
+    );
+    if let Some(hide) = chosen.inner {
+        let erase = (hide == 1) != inverted;
+        desk.ask(if erase {
+            Action::ToolErase
+        } else {
+            Action::ToolGroove
+        });
+    }
 }
 
 fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
@@ -399,9 +428,7 @@ pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
         .iter()
         .position(|m| *m == desk.hand.mirror)
         .unwrap_or(0);
-    if let Some(i) =
-        super::widgets::choices(ui, "Mirror", &["Off", "Left/right", "Up/down", "Both"], now)
-    {
+    if let Some(i) = choices(ui, "Mirror", &["Off", "Left/right", "Up/down", "Both"], now) {
         desk.hand.mirror = modes[i];
     }
     let mut copies = f64::from(desk.hand.copies.max(1));

@@ -435,10 +435,13 @@ fn choice(ui: &mut Ui, name: &str, word: &str, chosen: bool, width: f32) -> Resp
     response
 }
 
+/// Height of a panel's heading.
+pub(crate) const HEADING: f32 = 28.0;
+
 /// The heading of a panel's part.
 pub(crate) fn heading(ui: &mut Ui, text: &str, buttons: impl FnOnce(&mut Ui)) {
     let palette = Palette::of(ui);
-    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 28.0), Sense::hover());
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), HEADING), Sense::hover());
     ui.painter()
         .rect_filled(rect, CornerRadius::ZERO, palette.header);
     ui.painter().text(
@@ -496,7 +499,10 @@ pub(crate) fn overlay_text(
     text: &str,
 ) -> Rect {
     let font = FontId::proportional(12.0);
-    let galley = painter.layout_no_wrap(text.to_owned(), font, Color32::from_rgb(0xe8, 0xe9, 0xea));
+    // Longer than the picture is wide it goes on in another line.
+    let width = (painter.clip_rect().width() - 36.0).max(120.0);
+    let ink = Color32::from_rgb(0xe8, 0xe9, 0xea);
+    let galley = painter.layout(text.to_owned(), font, ink, width);
     let rect = align.anchor_size(at, galley.size() + vec2(12.0, 6.0));
     painter.rect_filled(
         rect,

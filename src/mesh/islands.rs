@@ -1,7 +1,8 @@
 //! The connected pieces of a layout, and which of them are mirrored.
 
 use super::{Mesh, derivatives};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// The islands of a mesh's layout.
@@ -42,6 +43,29 @@ impl Mesh {
             }
         }
         number(&mut parents, &mirrored)
+    }
+
+    /// The edges at which islands end, in UV: those that one triangle alone has among the triangles that wind as it does.
+    pub fn chart_borders(&self) -> Vec<[Vec2; 2]> {
+        let places = self.places();
+        let edges_of = |t: &[u32; 3]| {
+            let mirrored = u64::from(self.is_mirrored(*t));
+            let [a, b, c] = t.map(|i| u64::from(places[i as usize]));
+            // Places are fewer than 2^31, as vertices are: one bit is left for the winding.
+            let key = |a: u64, b: u64| (a.min(b) << 32 | a.max(b)) << 1 | mirrored;
+            [key(a, b), key(b, c), key(c, a)]
+        };
+        let mut edges: Vec<u64> = self.triangles.par_iter().flat_map_iter(edges_of).collect();
+        edges.par_sort_unstable();
+        let mut uv_of = vec![Vec2::ZERO; places.len()];
+        for (place, uv) in places.iter().zip(&self.uvs) {
+            uv_of[*place as usize] = *uv;
+        }
+        let alone = edges.chunk_by(|a, b| a == b).filter(|e| e.len() == 1);
+        alone
+            .map(|e| [e[0] >> 33, e[0] >> 1 & 0xffff_ffff].map(|place| uv_of[place as usize]))
+            .filter(|[a, b]| a != b)
+            .collect()
     }
 
     /// How many triangles have corners whose tangent's w contradicts the winding of the layout. Such triangles are lit with

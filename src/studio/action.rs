@@ -159,6 +159,7 @@ actions! {
         CycleView "cycle_view" "Next view" "Goes through the canvas views" ["C"]
         ViewLit "view_lit" "Back to lit" "Shows the lit map again" ["M"]
         ToggleWrap "toggle_wrap" "Wrap view" "Shows the map side by side with itself, as it repeats" ["W"]
+        ToggleOutlines "toggle_outlines" "UV outlines" "Shows over the map where the charts of the mesh end" ["O"]
         CanvasFit "canvas_fit" "Whole map" "Shows the whole map in the canvas" ["0"]
         ActualTexels "actual_texels" "Actual texels" "Shows one texel on one pixel" ["Ctrl+1"]
         ZoomIn "zoom_in" "Zoom in" "Shows the map larger" ["Ctrl+Equals", "Ctrl+Plus"]

@@ -168,6 +168,7 @@ impl App {
             }
             Action::ViewLit => self.canvas.kind = Kind::Lit,
             Action::ToggleWrap => self.canvas.wrap = !self.canvas.wrap,
+            Action::ToggleOutlines => self.canvas.toggle_outlines(&self.desk),
             Action::CanvasFit => self.canvas.fit(),
             Action::ActualTexels => self.canvas.actual_texels(),
             Action::ZoomIn => self.canvas.zoom_by(1.25),

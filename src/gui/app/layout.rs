@@ -4,7 +4,7 @@ use super::App;
 use crate::gui::canvas::Kind;
 use crate::gui::desk::{Desk, Panes};
 use crate::gui::icons::Icon;
-use crate::gui::layers::menu_item;
+use crate::gui::layers::{list_height, menu_item};
 use crate::gui::theme::{self, Palette};
 use crate::gui::viewport::MESHES;
 use crate::gui::widgets::icon_button;
@@ -125,11 +125,14 @@ impl App {
             .show(ui, |ui| {
                 ui.spacing_mut().item_spacing.y = 0.0;
                 let room = ui.available_height();
-                Panel::top("layers")
+                // No higher than its layers need: the room below belongs to the numbers.
+                let layers = self.desk.studio.recipe().layers.len();
+                let needed = list_height(layers).min((room - 140.0).max(120.0));
+                Panel::top(Id::unique(("layers", layers)))
                     .frame(plain)
                     .resizable(true)
-                    .default_size(room * 0.36)
-                    .size_range(96.0..=(room - 140.0).max(120.0))
+                    .default_size(needed.min(room * 0.36))
+                    .size_range(needed.min(96.0)..=needed)
                     .show(ui, |ui| {
                         egui::ScrollArea::vertical()
                             .auto_shrink(false)

@@ -46,7 +46,7 @@ fn a_drag_draws_a_guide_on_a_layer_of_its_own_and_it_is_seen_at_once() {
             let history = window.state().desk.studio.history();
             history.labels().0.map(str::to_owned).collect()
         };
-        assert_eq!(labels, ["Draw guide: guides"]);
+        assert_eq!(labels, [format!("Draw {name} 1: guides")]);
         press(&mut window, "Ctrl+Z");
         settle(&mut window);
         assert!(guides(&window).is_none(), "one step: layer and guide");
@@ -105,6 +105,74 @@ fn keys_constrain_and_escape_calls_off() {
     window.step();
     assert!(*window.state().desk.studio.recipe() == recipe);
     assert_eq!(window.state().desk.studio.history().len(), history);
+}
+
+#[test]
+fn alt_draws_from_the_middle_whenever_it_is_held_and_space_moves_the_map() {
+    let (mut window, _folder) = open(ROUND);
+    button_of_choice(&window, "Draw Ellipse");
+    window.run_steps(2);
+    hold(&mut window, Modifiers::ALT);
+    stroke(&mut window, (0.5, 0.5), (0.6, 0.55));
+    hold(&mut window, Modifiers::NONE);
+    settle(&mut window);
+    let drawn = guides(&window).unwrap();
+    let centre = Vec2::from(drawn.guide[0].center());
+    assert!((centre - vec2(0.5, 0.5)).length() < 0.02, "{centre:?}");
+    // Held once the drag has begun it does the same.
+    let rect = window.get_by_label("Paint canvas").rect();
+    let zoom = window.state().canvas.zoom();
+    window.key_down(Key::Space);
+    stroke(&mut window, (0.3, 0.3), (0.4, 0.3));
+    window.key_up(Key::Space);
+    window.step();
+    assert_eq!(guides(&window).unwrap().guide.len(), 1, "the map was moved");
+    assert_eq!(window.state().canvas.zoom(), zoom);
+    assert!(rect.is_positive());
+    let history = window.state().desk.studio.history();
+    let labels: Vec<&str> = history.labels().0.collect();
+    assert_eq!(labels, ["Draw ellipse 1: guides"]);
+}
+
+#[test]
+fn a_curve_shows_the_tangents_of_one_point_and_the_history_tells_guides_apart() {
+    let (mut window, _folder) = open(ROUND);
+    button_of_choice(&window, "Draw Curve");
+    window.run_steps(2);
+    let rect = window.get_by_label("Paint canvas").rect();
+    let bow = |t: f32| {
+        rect.lerp_inside(vec2(0.3 + 0.4 * t, 0.4 + 0.5 * t * (1.0 - t)))
+            .round()
+    };
+    window.drag_at(bow(0.0));
+    window.step();
+    for i in 1..=9 {
+        window.hover_at(bow(i as f32 / 9.0));
+        window.step();
+    }
+    window.drop_at(bow(1.0));
+    window.run_steps(2);
+    let Shape::Curve { points, .. } = guides(&window).unwrap().guide[0].shape.clone() else {
+        panic!()
+    };
+    assert!(points.len() <= 7, "{points:?}");
+    // Its last point is taken, and moved.
+    stroke(&mut window, (0.7, 0.4), (0.75, 0.3));
+    button_of_choice(&window, "Draw Line");
+    window.run_steps(2);
+    stroke(&mut window, (0.3, 0.8), (0.6, 0.85));
+    press(&mut window, "Delete");
+    window.run_steps(2);
+    let history = window.state().desk.studio.history();
+    let labels: Vec<&str> = history.labels().0.collect();
+    let wanted = [
+        "Draw curve 1",
+        "Reshape curve 1",
+        "Draw line 2",
+        "Delete line 2",
+    ];
+    let wanted = wanted.map(|what| format!("{what}: guides"));
+    assert_eq!(labels, wanted);
 }
 
 fn button_of_choice(window: &Window, label: &str) {

@@ -225,6 +225,41 @@ fn a_stroke_that_lies_within_one_slow_frame_is_painted_whole() {
 }
 
 #[test]
+fn a_straight_drag_in_whole_pixels_lays_one_direction() {
+    for place in ["Paint canvas", "3D view"] {
+        let folder = tempfile::tempdir().unwrap();
+        let text = SMALL.replace("size = 64", "size = 64\nmesh = \"plane\"");
+        let mut window = window_of(app(folder.path(), &text), vec2(1200.0, 760.0));
+        let rect = window.get_by_role_and_label(Role::Canvas, place).rect();
+        let from = rect.lerp_inside(vec2(0.35, 0.45)).round();
+        let way = vec2(150.0, 17.0);
+        window.hover_at(from);
+        window.step();
+        window.drag_at(from);
+        window.step();
+        for i in 1..=20 {
+            window.hover_at((from + way * (i as f32 / 20.0)).round());
+            window.step();
+        }
+        window.drop_at(from + way);
+        window.run_steps(3);
+        let Source::Strokes(all) = &window.state().desk.studio.recipe().layers[1].source else {
+            panic!()
+        };
+        assert_eq!(all.strokes.len(), 1, "{place}");
+        let path: Vec<glam::Vec3> = match all.strokes[0].points() {
+            Points::Uv(points) => points.iter().map(|p| p.uv().extend(0.0)).collect(),
+            Points::Mesh(points) => (0..points.len()).map(|i| points.get(i).0).collect(),
+        };
+        let whole = path[path.len() - 1] - path[0];
+        for pair in path.windows(2) {
+            let off = (pair[1] - pair[0]).angle_between(whole).to_degrees();
+            assert!(off < 0.5, "{place}: {off} degrees, {path:?}");
+        }
+    }
+}
+
+#[test]
 fn ctrl_paints_the_inverse_and_shift_a_straight_line() {
     let (mut window, _folder) = window();
     stroke(&mut window, (0.35, 0.5), (0.6, 0.5));
@@ -726,15 +761,15 @@ fn a_file_that_another_program_changes_is_read_again_and_looks_as_before() {
 #[test]
 fn changed_keys_are_read_while_the_window_is_open() {
     let (mut window, folder) = window();
-    std::fs::write(folder.path().join("keys.toml"), "[keys]\ntool_comb = 'O'\n").unwrap();
+    std::fs::write(folder.path().join("keys.toml"), "[keys]\ntool_comb = 'Z'\n").unwrap();
     for _ in 0..400 {
         window.step();
-        if window.state().desk.keymap.keys_text(Action::ToolComb) == "O" {
+        if window.state().desk.keymap.keys_text(Action::ToolComb) == "Z" {
             break;
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    press(&mut window, "O");
+    press(&mut window, "Z");
     assert_eq!(window.state().desk.hand.kind(), ToolKind::Comb);
 }
 
@@ -805,6 +840,21 @@ fn a_mask_is_painted() {
     let hidden = map(&window);
     stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
     assert_eq!(strokes(&window), 0, "the stroke went to the mask");
+    // The bar has what acts there, and a thumbnail says where strokes go.
+    assert!(window.query_by_label("Along").is_none());
+    assert!(
+        window
+            .query_by_role_and_label(Role::RadioButton, "Mask Show")
+            .is_some()
+    );
+    press(&mut window, "8");
+    window.run_steps(3);
+    button(&window, "Paint on the layer ground");
+    window.run_steps(2);
+    assert!(!window.state().desk.studio.is_mask_selected());
+    button(&window, "Paint on the mask of ground");
+    window.run_steps(2);
+    assert!(window.state().desk.studio.is_mask_selected());
     assert!(map(&window) != hidden);
     press(&mut window, "Ctrl+Z");
     settle(&mut window);

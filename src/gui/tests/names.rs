@@ -62,7 +62,7 @@ fn every_control_of_the_window_has_a_name() {
     window.state_mut().properties.leaf = Leaf::Layer;
     press(&mut window, "Ctrl+Shift+G");
     window.run_steps(2);
-    button(&window, "Ellipse");
+    button(&window, "Add line");
     window.run_steps(3);
     assert_named(&window, "guides");
 }

@@ -7,9 +7,6 @@ use super::sampler::Sampler;
 use crate::error::{Error, Result};
 use crate::map::{Rect, Size, Wrap};
 
-/// How opaque the colour is where the layer covers all.
-const OPACITY: f32 = 0.62;
-
 /// The coverage of a layer or mask, 0 to 1 a texel, with its means over larger squares.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coverage {
@@ -69,7 +66,8 @@ impl Coverage {
         self.levels.update(&plane, common);
     }
 
-    /// Draws the pixels of `rect` in row order: the colour with as much opacity as there is coverage, alpha premultiplied.
+    /// Draws the pixels of `rect` in row order: the colour, where all is covered with this opacity and elsewhere with as much of
+    /// it as there is coverage, alpha premultiplied.
     ///
     /// # Panics
     /// When `rgba` does not hold four bytes a pixel.
@@ -78,6 +76,7 @@ impl Coverage {
         wrap: Wrap,
         camera: &Camera2d,
         colour: [u8; 3],
+        opacity: f32,
         rect: Rect,
         rgba: &mut [u8],
     ) {
@@ -93,7 +92,7 @@ impl Coverage {
         let sampler = Sampler::new(&plane, &self.levels, wrap, camera, pixels, false);
         sampler.draw(rgba, |_, seen, out| {
             for (out, [covered]) in out.chunks_exact_mut(4).zip(seen) {
-                out.copy_from_slice(&veil(colour, OPACITY * covered.clamp(0.0, 1.0)));
+                out.copy_from_slice(&veil(colour, opacity * covered.clamp(0.0, 1.0)));
             }
         });
     }
@@ -117,7 +116,7 @@ mod tests {
         let camera = Camera2d::fit(size, Size::new(25, 25).unwrap(), 1.0);
         let draw = |c: &Coverage, rect: Rect| {
             let mut rgba = vec![0; 4 * rect.texels()];
-            c.draw(Wrap::Repeat, &camera, [255, 100, 0], rect, &mut rgba);
+            c.draw(Wrap::Repeat, &camera, [255, 100, 0], 0.62, rect, &mut rgba);
             rgba
         };
         let all = draw(&coverage, camera.size.rect());

@@ -96,7 +96,7 @@ impl LintMarks {
     /// The poles that the canvas shows, in every copy of the map.
     pub fn poles(&self, camera: &Camera2d) -> Vec<MarkedPole> {
         let shown = |at: &Vec2| on_canvas(camera, [*at; 2]);
-        let copies = self.copies(camera);
+        let copies = copies(camera, self.size, self.wrap);
         let poles = copies
             .iter()
             .flat_map(|by| self.marks.poles.iter().map(move |pole| (pole, *by)));
@@ -113,7 +113,7 @@ impl LintMarks {
 
     /// The seams that the canvas shows, in every copy of the map.
     pub fn seams(&self, camera: &Camera2d) -> Vec<MarkedSeam> {
-        let copies = self.copies(camera);
+        let copies = copies(camera, self.size, self.wrap);
         let seams = copies
             .iter()
             .flat_map(|by| self.marks.seams.iter().map(move |seam| (seam, *by)));
@@ -169,24 +169,24 @@ impl LintMarks {
         );
         camera.pixel_of_uv(self.size, uv.as_dvec2() + by).as_vec2()
     }
+}
 
-    /// The copies of the map that the canvas shows, as whole steps in UV; the map alone when they would be many.
-    fn copies(&self, camera: &Camera2d) -> Vec<DVec2> {
-        let corners = [DVec2::ZERO, extent(camera.size)].map(|p| camera.uv_at(self.size, p));
-        let range = |a: f64, b: f64, repeats: bool| -> Range<i64> {
-            let (first, end) = (a.min(b).floor(), a.max(b).ceil());
-            if camera.repeat && repeats && end - first <= COPIES_MAX as f64 {
-                first as i64..end as i64
-            } else {
-                0..1
-            }
-        };
-        let columns = range(corners[0].x, corners[1].x, self.wrap.repeats_u());
-        let rows = range(corners[0].y, corners[1].y, self.wrap.repeats_v());
-        columns
-            .flat_map(|i| rows.clone().map(move |j| DVec2::new(i as f64, j as f64)))
-            .collect()
-    }
+/// The copies of a map that the canvas shows, as whole steps in UV; the map alone when they would be many.
+pub(super) fn copies(camera: &Camera2d, map: Size, wrap: Wrap) -> Vec<DVec2> {
+    let corners = [DVec2::ZERO, extent(camera.size)].map(|p| camera.uv_at(map, p));
+    let range = |a: f64, b: f64, repeats: bool| -> Range<i64> {
+        let (first, end) = (a.min(b).floor(), a.max(b).ceil());
+        if camera.repeat && repeats && end - first <= COPIES_MAX as f64 {
+            first as i64..end as i64
+        } else {
+            0..1
+        }
+    };
+    let columns = range(corners[0].x, corners[1].x, wrap.repeats_u());
+    let rows = range(corners[0].y, corners[1].y, wrap.repeats_v());
+    columns
+        .flat_map(|i| rows.clone().map(move |j| DVec2::new(i as f64, j as f64)))
+        .collect()
 }
 
 /// Whether a line may be seen on the canvas.

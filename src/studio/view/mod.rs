@@ -13,6 +13,7 @@ mod levels;
 mod lit;
 mod marks;
 mod needles;
+mod outlines;
 mod palette;
 mod probe;
 mod sampler;
@@ -24,6 +25,7 @@ pub use legend::{Legend, LegendShape, Tick};
 pub use lit::Lighting;
 pub use marks::{JUMP_SCALE, LintMarks, MarkedPole, MarkedSeam, seam_colour};
 pub use needles::{Needle, needles};
+pub use outlines::Outlines;
 pub use probe::Probe;
 pub use scale::{AlphaRange, RatioRange};
 
