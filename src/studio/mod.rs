@@ -353,7 +353,7 @@ impl Studio {
 
     /// The subject, to be changed: waits until nobody draws it.
     fn subject_mut(&mut self) -> &mut Prepared<'static> {
-        self.viewport.stop_refining();
+        self.viewport.outdate();
         Arc::get_mut(&mut self.subject)
             .expect("only the refining thread shares it, and it has ended")
     }

@@ -960,3 +960,31 @@ fn the_picture_follows_the_brush_and_ends_as_the_reference() {
     studio.draw(false).unwrap();
     assert_eq!(studio.viewport().pixels(), hurried);
 }
+
+#[test]
+fn nobody_waits_for_the_sharp_picture_of_a_large_mesh_that_was_turned() {
+    let mut studio = painted();
+    studio.viewport_mut().resize(Size::new(96, 64).unwrap());
+    studio.draw(false).unwrap();
+    let sharp = studio.viewport().pixels().to_vec();
+    studio.viewport_mut().many = 1;
+    studio.draw(true).unwrap();
+    let hurried = studio.viewport().pixels().to_vec();
+    assert_ne!(hurried, sharp);
+    assert!(studio.draw(false).unwrap().is_empty());
+    assert!(studio.draw(false).unwrap().is_empty(), "it goes on");
+    assert!(studio.viewport().is_refining());
+    while studio.viewport().quality().samples == 0 {
+        studio.tick();
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    if studio.viewport().quality().samples == 1 {
+        assert_eq!(studio.viewport().pixels(), sharp);
+    }
+    // What is painted meanwhile is drawn at once, and sharp.
+    studio.draw(true).unwrap();
+    let groove = brush(Tool::Groove(Groove::default()), 0.1);
+    stroke(&mut studio, groove, &[[0.1, 0.6], [0.9, 0.6]]);
+    assert!(!studio.draw(false).unwrap().is_empty());
+    assert_eq!(studio.viewport().quality().samples, 1);
+}

@@ -2,7 +2,8 @@
 //!
 //! A hurried picture takes one sample a pixel, and a quarter of the pixels while the camera moves. When nothing asks for
 //! another one, a thread of its own draws 2x2 samples a pixel, then 4x4, then the f64 reference with 8x8. Whatever is asked for
-//! meanwhile stops it.
+//! meanwhile stops it. Of a mesh of many triangles that thread draws the sharp picture, too, once the camera stands still: the
+//! window goes on to show the hurried one.
 
 use super::apart;
 use crate::brdf::Model;
@@ -78,8 +79,15 @@ const STAGES: [(u32, bool); 3] = [(2, false), (4, false), (REFERENCE_SAMPLES, tr
 /// How long pixels that show a change of the map are lit before the rest is left to the next drawing.
 const RELIGHT: Duration = Duration::from_millis(12);
 
+/// From so many triangles on nobody waits for a sharp picture while a hurried one of the same stands.
+const MANY: usize = 1 << 20;
+
 /// The 3D picture.
 pub struct Viewport {
+    /// [`MANY`], or fewer in tests.
+    pub(super) many: usize,
+    /// Whether the subject is another one than the picture shows.
+    is_outdated: bool,
     size: Size,
     show: Show,
     frames: Vec<Frame>,
@@ -98,7 +106,15 @@ struct Refining {
     stop: Arc<AtomicBool>,
     /// Thousandths of the stage.
     done: Arc<AtomicU32>,
-    pictures: Receiver<Result<(usize, Vec<Picture>)>>,
+    pictures: Receiver<Result<Better>>,
+}
+
+/// A better picture.
+enum Better {
+    /// The sharp one, as it is drawn at once elsewhere: what changes of it from now on is drawn by parts.
+    Sharp(Vec<Frame>),
+    /// That of a stage.
+    Stage(usize, Vec<Picture>),
 }
 
 impl Refining {
@@ -115,6 +131,8 @@ impl Viewport {
     /// A black picture.
     pub fn new(size: Size) -> Self {
         Self {
+            many: MANY,
+            is_outdated: false,
             size,
             show: Show::default(),
             frames: Vec::new(),
@@ -207,17 +225,22 @@ impl Viewport {
     /// When the scene holds numbers that are not allowed.
     pub fn draw(
         &mut self,
-        subject: &Prepared<'_>,
+        subject: &Arc<Prepared<'static>>,
         scene: &Scene,
         moves: bool,
         timings: &Timings,
     ) -> Result<Vec<Rect>> {
-        self.stop_refining();
-        let begun = Instant::now();
         let scene = Scene {
             samples: 1,
             ..scene.clone()
         };
+        if !moves && self.is_hurried(subject, &scene) {
+            self.refine(subject); // or goes on with it
+            return Ok(Vec::new());
+        }
+        self.stop_refining();
+        let begun = Instant::now();
+        self.is_outdated = false;
         let looks = self.show.looks();
         let panel = self.show.panel(self.size);
         self.frames.resize_with(looks.len(), || Frame::new(panel));
@@ -253,12 +276,23 @@ impl Viewport {
         Ok(dirty)
     }
 
+    /// Whether the hurried picture of a large mesh stands that a sharp one is asked for of.
+    fn is_hurried(&self, subject: &Prepared<'_>, scene: &Scene) -> bool {
+        let stands = self.drawn.as_ref().is_some_and(|(drawn, _)| drawn == scene);
+        stands
+            && self.quality.samples == 0
+            && !self.is_outdated
+            && subject.mesh().triangles.len() >= self.many
+    }
+
     /// Begins to draw better pictures in the background, unless the best stands already or somebody is at it.
     pub fn refine(&mut self, subject: &Arc<Prepared<'static>>) {
         let Some((scene, _)) = &self.drawn else {
             return;
         };
-        if self.refining.is_some() || self.quality.is_reference || self.quality.samples == 0 {
+        let sharp_first = self.is_hurried(subject, scene);
+        let is_rough = self.quality.samples == 0 && !sharp_first;
+        if self.refining.is_some() || self.quality.is_reference || is_rough {
             return;
         }
         let first = STAGES.iter().position(|(s, _)| *s > self.quality.samples);
@@ -273,6 +307,14 @@ impl Viewport {
             .spawn({
                 let (stop, done) = (stop.clone(), done.clone());
                 let draw = move || {
+                    if sharp_first {
+                        let wanted = |_: u64, _: u64| !stop.load(Ordering::Relaxed);
+                        let drawn = sharp(&subject, &scene, &looks, size, &Progress::new(&wanted));
+                        let failed = drawn.is_err();
+                        if send.send(drawn.map(Better::Sharp)).is_err() || failed {
+                            return;
+                        }
+                    }
                     for stage in first..STAGES.len() {
                         let report = |now: u64, all: u64| {
                             let part = 1000.0 * now as f64 / all.max(1) as f64;
@@ -288,7 +330,7 @@ impl Viewport {
                             &Progress::new(&report),
                         );
                         let failed = drawn.is_err();
-                        if send.send(drawn.map(|p| (stage, p))).is_err() || failed {
+                        if send.send(drawn.map(|p| Better::Stage(stage, p))).is_err() || failed {
                             return;
                         }
                     }
@@ -315,7 +357,15 @@ impl Viewport {
             return Ok(false);
         };
         let (stage, pictures) = match refining.pictures.try_recv() {
-            Ok(Ok(better)) => better,
+            Ok(Ok(Better::Sharp(frames))) => {
+                self.frames = frames;
+                let pictures: Vec<&Picture> = self.frames.iter().map(Frame::picture).collect();
+                let all = [self.size.rect()];
+                self.scale = put(&mut self.pixels, self.size, self.show, &pictures, &all)?;
+                self.quality.samples = 1;
+                return Ok(true);
+            }
+            Ok(Ok(Better::Stage(stage, pictures))) => (stage, pictures),
             Ok(Err(Error::Cancelled)) | Err(TryRecvError::Disconnected) => {
                 self.stop_refining();
                 return Ok(false);
@@ -348,6 +398,12 @@ impl Viewport {
         self.refining.is_some()
     }
 
+    /// The subject is about to change: stops drawing in the background, and nothing holds it afterwards.
+    pub(super) fn outdate(&mut self) {
+        self.stop_refining();
+        self.is_outdated = true;
+    }
+
     /// Stops drawing in the background; nothing holds the subject afterwards.
     pub fn stop_refining(&mut self) {
         if let Some(refining) = self.refining.take() {
@@ -366,6 +422,22 @@ impl Drop for Viewport {
     fn drop(&mut self) {
         self.stop_refining();
     }
+}
+
+/// The looks' pictures with a sample a pixel, each with what it takes to draw parts of it anew.
+fn sharp(
+    subject: &Prepared<'_>,
+    scene: &Scene,
+    looks: &[Look],
+    size: Size,
+    progress: &Progress<'_>,
+) -> Result<Vec<Frame>> {
+    let draw = |look: &Look| {
+        let mut frame = Frame::new(size);
+        frame.draw(subject, scene, *look, &Timings::off(), progress)?;
+        Ok(frame)
+    };
+    looks.iter().map(draw).collect()
 }
 
 fn better(
