@@ -28,7 +28,7 @@ use outlines::Layout;
 use stroke::{Adjusting, Drawing};
 
 /// What the names of all views and the buttons beside them need, points.
-const TABS: f32 = 536.0;
+const TABS: f32 = 510.0;
 
 /// What the canvas shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -439,9 +439,11 @@ pub(crate) fn lint_legend(painter: &Painter, corner: Pos2) {
             0 => {
                 for i in 0..32 {
                     let [r, g, b, _] = seam_colour(30.0f32.powf(i as f32 / 31.0));
-                    let x = at.x - 16.0 + i as f32;
-                    let ends = [pos2(x, at.y), pos2(x + 1.0, at.y)];
-                    painter.line_segment(ends, Stroke::new(3.0, Color32::from_rgb(r, g, b)));
+                    let part = Rect::from_min_size(
+                        pos2(at.x - 16.0 + i as f32, at.y - 1.5),
+                        vec2(1.0, 3.0),
+                    );
+                    painter.rect_filled(part, CornerRadius::ZERO, Color32::from_rgb(r, g, b));
                 }
             }
             1 => badge(painter, at, POLE, POSITIVE, "+\u{bd}"),

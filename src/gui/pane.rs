@@ -89,7 +89,7 @@ pub(crate) fn tab(ui: &mut Ui, name: &str, chosen: bool) -> Response {
     let font = egui::FontId::proportional(12.5);
     let colour = if chosen { palette.text } else { palette.weak };
     let galley = ui.painter().layout_no_wrap(name.to_owned(), font, colour);
-    let (rect, response) = ui.allocate_exact_size(galley.size() + vec2(14.0, 9.0), Sense::click());
+    let (rect, response) = ui.allocate_exact_size(galley.size() + vec2(11.0, 9.0), Sense::click());
     response.widget_info(|| WidgetInfo::selected(Role::Tab, true, chosen, name));
     let round = CornerRadius::same(4);
     if chosen {

@@ -2,7 +2,8 @@
 
 use crate::import::numbers;
 use crate::map::Size;
-use crate::recipe::{Files, Image, Recipe, Source};
+use crate::mesh::{self, Projection};
+use crate::recipe::{Files, Image, Recipe, Source, is_path};
 
 /// Bytes a texel of the map: its planes, the same side by side (up to 4096x4096), the levels over it, and the canvas's own.
 const MAP: u64 = 16;
@@ -42,14 +43,33 @@ pub fn memory_warning(recipe: &Recipe, size: Size, free: Option<u64>) -> Option<
     warning(size, bytes_needed(recipe, size), free)
 }
 
-/// The same of a recipe as it is, with the pictures that its layers read.
+/// The same of a recipe as it is, with the pictures that its layers read, and with the mesh that it names.
 pub fn document_warning(recipe: &Recipe, files: &Files, free: Option<u64>) -> Option<String> {
-    let pictures = pictures_bytes(recipe, files);
-    warning(
-        recipe.size,
-        bytes_needed(recipe, recipe.size) + pictures,
-        free,
-    )
+    let needed = bytes_needed(recipe, recipe.size) + pictures_bytes(recipe, files);
+    let map = warning(recipe.size, needed, free);
+    let told: Vec<String> = map
+        .into_iter()
+        .chain(named_mesh_warning(recipe, files, free))
+        .collect();
+    (!told.is_empty()).then(|| told.join("\n"))
+}
+
+/// Meshes in smaller files are not looked into before they are read, bytes.
+const SMALL_MESH: u64 = 32 << 20;
+
+/// What to tell of the mesh file that a recipe names.
+fn named_mesh_warning(recipe: &Recipe, files: &Files, free: Option<u64>) -> Option<String> {
+    let (name, _) = Projection::split(recipe.mesh.as_deref()?);
+    if !is_path(name) {
+        return None;
+    }
+    let path = files.resolve("mesh", name).ok()?;
+    if std::fs::metadata(&path).ok()?.len() < SMALL_MESH {
+        return None;
+    }
+    let triangles = mesh::about(&path).ok()?.triangles;
+    let much = mesh_warning(triangles, free)?;
+    Some(format!("{name} has {triangles} triangles. {much}"))
 }
 
 fn warning(size: Size, needed: u64, free: Option<u64>) -> Option<String> {
@@ -155,6 +175,21 @@ mod tests {
             "{told}"
         );
         assert!(memory_warning(&recipe, size(16384), None).is_some());
+    }
+
+    #[test]
+    fn a_large_mesh_that_a_recipe_names_is_told_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let head = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
+        let faces = "f 1/1 2/1 3/1\n".repeat(SMALL_MESH as usize / 14 + 1);
+        std::fs::write(folder.path().join("m.obj"), head.to_owned() + &faces).unwrap();
+        let text = "version = 1\nsize = 64\nmesh = 'm.obj'\n[[layers]]\nconstant = {}\n";
+        let file = crate::recipe::RecipeFile::parse(text, "a.toml", Some(folder.path().to_owned()));
+        let file = file.unwrap();
+        let told = |free| document_warning(file.recipe(), &file.files(false), Some(free));
+        assert_eq!(told(64 << 30), None);
+        let said = told(1 << 30).unwrap();
+        assert!(said.starts_with("m.obj has 2396746 triangles."), "{said}");
     }
 
     #[test]
