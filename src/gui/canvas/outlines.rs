@@ -54,7 +54,7 @@ impl Layout {
             match found {
                 Now::Going => {}
                 Now::Came(lines) => {
-                    (self.lines, self.finding, self.drawn) = (Some(lines), None, None)
+                    (self.lines, self.finding, self.drawn) = (Some(lines), None, None);
                 }
                 Now::Over => self.finding = None,
             }
