@@ -110,17 +110,17 @@ impl Picture {
     }
 }
 
-/// The 8-bit sRGB codes of linear values, by table: a value's code is looked up by its leading bits, then raised past the
-/// thresholds that lie among values with these bits.
+/// The 8-bit sRGB codes of linear values, by table: a value's code is looked up by its leading bits, then raised past the one
+/// threshold that may lie among values with these bits. There is no branch to guess wrong.
 struct Codes {
     /// For the leading bits of each value from [`Codes::LOW`] to 1, the code of the least such value.
     first: Vec<u8>,
-    /// The least value of each code from 1 on.
-    least: [f32; 255],
+    /// The least value of the code after each.
+    next: [f32; 256],
 }
 
 impl Codes {
-    /// Bits of a value that are not looked at: those left tell values apart that differ by a 128th.
+    /// Bits of a value that are not looked at: those left tell values apart that differ by a 128th, and codes are farther apart.
     const SHIFT: u32 = 16;
     /// Bits of a value below which every code is 0: 2^-13, an eighth of a code.
     const LOW: u32 = (127 - 13) << 23;
@@ -130,7 +130,10 @@ impl Codes {
         CODES.get_or_init(|| {
             let code = |bits: u32| (srgb_from_linear(f32::from_bits(bits)) * 255.0 + 0.5) as u8;
             let one = 1.0_f32.to_bits();
-            let least = std::array::from_fn(|i| {
+            let next = std::array::from_fn(|i| {
+                if i == 255 {
+                    return f32::INFINITY;
+                }
                 let (mut low, mut high) = (Self::LOW, one); // bits of positive numbers are in order
                 while low < high {
                     let middle = low + (high - low) / 2;
@@ -145,23 +148,15 @@ impl Codes {
             let first = (Self::LOW >> Self::SHIFT..=one >> Self::SHIFT)
                 .map(|top| code(top << Self::SHIFT))
                 .collect();
-            Self { first, least }
+            Self { first, next }
         })
     }
 
     fn of(&self, c: f32) -> u8 {
-        if c >= 1.0 {
-            return 255;
-        }
-        if c.is_nan() || c < f32::from_bits(Self::LOW) {
-            return 0;
-        }
-        let mut code =
-            self.first[(c.to_bits() >> Self::SHIFT) as usize - (Self::LOW >> Self::SHIFT) as usize];
-        while code < 255 && c >= self.least[usize::from(code)] {
-            code += 1;
-        }
-        code
+        // Not a number is the least, too.
+        let c = c.max(f32::from_bits(Self::LOW)).min(1.0);
+        let code = self.first[((c.to_bits() - Self::LOW) >> Self::SHIFT) as usize];
+        code + u8::from(c >= self.next[usize::from(code)])
     }
 }
 
@@ -219,7 +214,7 @@ mod tests {
             let c = step as f32 / 190_000.0;
             assert_eq!(codes.of(c), formula(c), "{c}");
         }
-        for least in codes.least {
+        for least in &codes.next[..255] {
             for bits in [least.to_bits() - 1, least.to_bits(), least.to_bits() + 1] {
                 let c = f32::from_bits(bits);
                 assert_eq!(codes.of(c), formula(c), "{c}");
