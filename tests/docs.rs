@@ -234,8 +234,10 @@ fn the_documents_name_only_files_that_exist() {
         "README.md",
         "docs/accuracy.md",
         "docs/architecture.md",
+        "docs/decisions.md",
         "docs/formats.md",
         "docs/limits.md",
+        "docs/studio.md",
         "docs/wording.md",
     ] {
         let path = root().join(document);
