@@ -176,10 +176,10 @@ impl Studio {
     /// # Errors
     /// When the layer takes no more strokes; the stroke is then gone.
     pub fn end_stroke(&mut self) -> Result<bool> {
-        if self.end_waiting() {
-            return Ok(true);
+        match self.end_waiting() {
+            Some(laid) => laid,
+            None => self.end_now(),
         }
-        self.end_now()
     }
 
     pub(super) fn end_now(&mut self) -> Result<bool> {

@@ -10,7 +10,6 @@ use crate::mesh::Body;
 use crate::paint::{Brush, MeshPoints, POINTS_MAX, Point, Stroke, SurfacePoint};
 use crate::progress::Progress;
 use crate::recipe::{self, Files, Recipe, Stamp};
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -44,7 +43,6 @@ struct Waiting {
     brush: Arc<Brush>,
     seed: u32,
     points: PenPoints,
-    ended: bool,
 }
 
 /// Where the pen was, and the points ahead of that.
@@ -53,11 +51,11 @@ enum PenPoints {
     Mesh(Vec<SurfacePoint>, Vec<SurfacePoint>),
 }
 
-/// What waits to be painted on, and what waits for it.
+/// What is being made ready, and the stroke that waits for it.
 #[derive(Default)]
 pub(super) struct Queue {
     making: Option<Making>,
-    waiting: VecDeque<Waiting>,
+    waiting: Option<Waiting>,
 }
 
 impl Queue {
@@ -68,10 +66,6 @@ impl Queue {
 
     pub(super) fn is_making(&self) -> bool {
         self.making.is_some()
-    }
-
-    fn open(&mut self) -> Option<&mut Waiting> {
-        self.waiting.back_mut().filter(|w| !w.ended)
     }
 }
 
@@ -179,14 +173,14 @@ impl Studio {
         if let Some(refusal) = self.refusal(ground) {
             return Err(refusal);
         }
-        if self.queue.waiting.is_empty() && !self.is_ready(ground) {
+        if !self.is_ready(ground) {
             self.make_ready(ground);
             self.wait_for_making(self.options.patience)?;
         }
-        if self.queue.waiting.is_empty() && self.is_ready(ground) {
+        if self.is_ready(ground) {
             return self.begin_now(brush, seed, on_mesh);
         }
-        self.queue.waiting.push_back(Waiting {
+        self.queue.waiting = Some(Waiting {
             ground,
             brush,
             seed,
@@ -195,7 +189,6 @@ impl Studio {
             } else {
                 PenPoints::Uv(Vec::new(), Vec::new())
             },
-            ended: false,
         });
         Ok(())
     }
@@ -207,7 +200,7 @@ impl Studio {
 
     /// Keeps points of a stroke that waits, and those ahead of them; `false` where none does.
     pub(super) fn keep_uv(&mut self, points: &[Point], ahead: &[Point]) -> bool {
-        let Some(open) = self.queue.open() else {
+        let Some(open) = &mut self.queue.waiting else {
             return false;
         };
         if let PenPoints::Uv(kept, end) = &mut open.points {
@@ -220,7 +213,7 @@ impl Studio {
 
     /// The same of a stroke on the mesh.
     pub(super) fn keep_on_mesh(&mut self, points: &[SurfacePoint], ahead: &[SurfacePoint]) -> bool {
-        let Some(open) = self.queue.open() else {
+        let Some(open) = &mut self.queue.waiting else {
             return false;
         };
         if let PenPoints::Mesh(kept, end) = &mut open.points {
@@ -231,22 +224,21 @@ impl Studio {
         true
     }
 
-    /// Ends a stroke that waits; `false` where none does.
-    pub(super) fn end_waiting(&mut self) -> bool {
-        let open = self.queue.open();
-        open.map(|open| open.ended = true).is_some()
+    /// Ends a stroke that waits: it goes into the document at once, so that it is saved, exported and undone as any other, and
+    /// the map that shows it is made in the background. `None` where none waits; else whether it painted anything.
+    pub(super) fn end_waiting(&mut self) -> Option<Result<bool>> {
+        let waiting = self.queue.waiting.take()?;
+        Some(self.lay_down(waiting))
     }
 
-    /// Takes a stroke away that waits and has not ended.
+    /// Takes a stroke away that waits.
     pub(super) fn cancel_waiting(&mut self) {
-        if self.queue.open().is_some() {
-            self.queue.waiting.pop_back();
-        }
+        self.queue.waiting = None;
     }
 
     /// Whether a stroke is in flight that waits.
     pub(super) fn is_keeping(&self) -> bool {
-        self.queue.waiting.back().is_some_and(|w| !w.ended)
+        self.queue.waiting.is_some()
     }
 
     /// Why no stroke can go there, as far as that can be told at once.
@@ -360,32 +352,28 @@ impl Studio {
         Ok(())
     }
 
-    /// Takes over what is ready, and paints the strokes that waited for it.
+    /// Takes over what is ready, and paints the stroke that waited for it.
     pub(super) fn follow_making(&mut self) {
         if let Err(error) = self.wait_for_making(Duration::ZERO) {
-            // The same would come of it again: what was painted is kept, and shown once the map can be made.
+            // The same would come of it again.
             self.trouble.push(error);
             self.cancel_waiting();
-            self.land();
         }
-        while let Some(next) = self.queue.waiting.front() {
-            let ground = next.ground;
-            if !self.is_ready(ground) {
-                match self.refusal(ground) {
-                    None => return self.make_ready(ground),
-                    Some(refusal) => {
-                        self.queue.waiting.pop_front();
-                        self.trouble.push(refusal);
-                        continue;
-                    }
+        let Some(ground) = self.queue.waiting.as_ref().map(|w| w.ground) else {
+            return;
+        };
+        if !self.is_ready(ground) {
+            match self.refusal(ground) {
+                None => return self.make_ready(ground),
+                Some(refusal) => {
+                    self.cancel_waiting();
+                    return self.trouble.push(refusal);
                 }
             }
-            let Some(stroke) = self.queue.waiting.pop_front() else {
-                return;
-            };
-            if let Err(error) = self.paint_kept(stroke) {
-                self.trouble.push(error);
-            }
+        }
+        let stroke = self.queue.waiting.take();
+        if let Some(Err(error)) = stroke.map(|stroke| self.paint_kept(stroke)) {
+            self.trouble.push(error);
         }
     }
 
@@ -395,39 +383,23 @@ impl Studio {
             PenPoints::Uv(points, ahead) => self.go_on(&points, &ahead),
             PenPoints::Mesh(points, ahead) => self.go_on_mesh(&points, &ahead),
         }
-        if stroke.ended {
-            self.end_now()?;
-        }
         Ok(())
     }
 
-    /// Puts the ended strokes that still wait into the document: what comes now, as an undo, comes after them. Nobody waits for
-    /// that; the map that shows them is made in the background.
-    pub(super) fn land(&mut self) {
-        while self.queue.waiting.front().is_some_and(|w| w.ended) {
-            let Some(waiting) = self.queue.waiting.pop_front() else {
-                return;
-            };
-            if let Err(error) = self.lay_down(waiting) {
-                self.trouble.push(error);
-            }
-        }
-    }
-
-    fn lay_down(&mut self, waiting: Waiting) -> Result<()> {
+    fn lay_down(&mut self, waiting: Waiting) -> Result<bool> {
         let Waiting { ground, brush, .. } = &waiting;
         let (layer, mask) = (ground.layer, ground.mask);
         // A tool that follows the stroke has no direction at a point.
         let least = if brush.tool.follows_stroke() { 2 } else { 1 };
         let Some(stroke) = waiting.stroke(extent(&self.body))? else {
-            return Ok(());
+            return Ok(false);
         };
         if stroke.points().len() < least {
-            return Ok(());
+            return Ok(false);
         }
         let touched = self.add_stroke(layer, mask, Arc::new(stroke))?;
         self.follow(touched);
-        Ok(())
+        Ok(true)
     }
 }
 
@@ -436,11 +408,13 @@ impl Waiting {
     fn stroke(self, extent: f32) -> Result<Option<Stroke>> {
         let (brush, seed) = (self.brush, self.seed);
         match self.points {
-            PenPoints::Uv(points, _) if points.is_empty() => Ok(None),
-            PenPoints::Uv(points, _) => Stroke::new(brush, seed, points).map(Some),
-            PenPoints::Mesh(points, _) => {
+            PenPoints::Uv(points, ahead) if points.is_empty() && ahead.is_empty() => Ok(None),
+            PenPoints::Uv(points, ahead) => {
+                Stroke::new(brush, seed, points.into_iter().chain(ahead)).map(Some)
+            }
+            PenPoints::Mesh(points, ahead) => {
                 let mut on_mesh = MeshPoints::new(extent);
-                for (position, normal, pressure) in points {
+                for (position, normal, pressure) in points.into_iter().chain(ahead) {
                     on_mesh.push(position, normal, pressure);
                 }
                 if on_mesh.is_empty() {

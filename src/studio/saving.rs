@@ -49,7 +49,6 @@ impl Studio {
     /// What has to be copied before the document can be saved to a file, which may take a while: for a thread of its own. `None`
     /// where nothing has to be.
     pub fn copies_for(&mut self, path: &Path) -> Option<CopyOrder> {
-        self.land();
         let files = self.document.files();
         let to = folder_of(path);
         let mut named = self.named_in_history();
@@ -71,7 +70,6 @@ impl Studio {
     /// # Errors
     /// As [`Studio::save`].
     pub fn save_after(&mut self, path: &Path, copied: Option<Copied>) -> Result<()> {
-        self.land();
         let from = self.document.files().folder;
         let is_shown = self.shown.mesh.as_deref() == Some(self.mesh_name());
         let name = self.recipe().name.clone();

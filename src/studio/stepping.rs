@@ -20,7 +20,6 @@ impl Studio {
     /// As [`Edit::apply`]; then nothing has changed.
     pub fn edit(&mut self, label: &str, edits: Vec<Edit>, key: Option<&str>) -> Result<()> {
         self.cancel_stroke();
-        self.land();
         let (back, touched) = self.apply_all(edits)?;
         self.history
             .push(Step::new(label, back, key.map(str::to_owned)));
@@ -39,7 +38,6 @@ impl Studio {
     /// When the document is read-only.
     pub fn undo(&mut self) -> Result<bool> {
         self.cancel_stroke();
-        self.land();
         let Some(step) = self.history.take_undo() else {
             return Ok(false);
         };
@@ -67,7 +65,6 @@ impl Studio {
     /// When the document is read-only.
     pub fn redo(&mut self) -> Result<bool> {
         self.cancel_stroke();
-        self.land();
         let Some(step) = self.history.take_redo() else {
             return Ok(false);
         };

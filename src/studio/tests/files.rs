@@ -225,6 +225,29 @@ fn nothing_waits_for_a_layer_that_is_made_ready() {
     assert!(studio.take_trouble().is_empty());
 }
 
+/// A straight line is ahead of the stroke until it ends; see [`crate::paint::Live::go_on`].
+#[test]
+fn a_stroke_that_ends_while_its_layer_is_made_ready_keeps_what_was_ahead() {
+    let mut studio = painted();
+    studio.options.patience = Duration::ZERO;
+    let groove = brush(Tool::Groove(Groove::default()), 0.06);
+    let point = |x: f32| Point::new(Vec2::new(x, 0.5), 1.0).unwrap();
+    studio.begin_stroke(groove.clone(), 1).unwrap();
+    studio.stroke_along(&[point(0.2)], &[point(0.5)]);
+    studio.stroke_along(&[], &[point(0.8)]);
+    assert!(studio.end_stroke().unwrap());
+    // It is work that has to be asked about, written down and exported, whatever is ready.
+    assert!(studio.document().is_changed());
+    assert_eq!(studio.history().len(), (1, 0));
+    let Source::Strokes(strokes) = &studio.recipe().layers[studio.selected()].source else {
+        panic!("a layer of strokes");
+    };
+    assert_eq!(strokes.strokes.last().unwrap().points().len(), 2);
+    studio.settle();
+    assert_shows_its_recipe(&studio);
+    assert!(studio.take_trouble().is_empty());
+}
+
 #[test]
 fn a_document_loses_what_the_first_scene_says_of_itself() {
     let folder = tempfile::tempdir().unwrap();
