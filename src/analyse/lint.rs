@@ -268,9 +268,14 @@ fn width_findings(map: &AnisoMap) -> Vec<Finding> {
     findings
 }
 
+/// Whether opposite edges differ by more than places inside the map do.
+pub(super) fn is_seen(seam: &Seam) -> bool {
+    seam.jumps > 0 && seam.mean_degrees > seam.inside_degrees + SEAM_DEGREES
+}
+
 fn seam_finding(code: &'static str, edges: &str, seam: Option<Seam>) -> Option<Finding> {
-    let seam = seam?;
-    (seam.jumps > 0 && seam.mean_degrees > seam.inside_degrees + SEAM_DEGREES).then(|| Finding {
+    let seam = seam.filter(is_seen)?;
+    Some(Finding {
         severity: Severity::Warning,
         code,
         count: seam.jumps,
@@ -282,7 +287,9 @@ fn seam_finding(code: &'static str, edges: &str, seam: Option<Seam>) -> Option<F
             seam.inside_degrees,
             texels(seam.jumps)
         ),
-        advice: "Make the pattern repeat, or set wrap to \"clamp\" if the surface has an edge there".to_owned(),
+        advice:
+            "Make the pattern repeat, or set wrap to \"clamp\" if the surface has an edge there"
+                .to_owned(),
     })
 }
 

@@ -1,7 +1,7 @@
 //! Where in a map something is that [`lint`](super::lint) tells of: poles, seams and texels, with their places, to be drawn.
 
 use super::field::{self, Poles, degrees, groove};
-use super::lint::{index_name, noted, warned};
+use super::lint::{index_name, is_seen, noted, warned};
 use crate::error::Result;
 use crate::map::{AnisoMap, Size, turn};
 use crate::math::{Axis, Frame};
@@ -93,7 +93,10 @@ impl Marks {
             Poles::Rough(count, _) => (Vec::new(), Some(count)),
             Poles::Each(poles) => (poles, None),
         };
-        let mut seams = map_seams(map);
+        // Where every texel turns, what the edges do tells nothing by itself.
+        let counts =
+            |seam: &Option<field::Seam>| rough.is_none() || seam.as_ref().is_some_and(is_seen);
+        let mut seams = map_seams(map, [counts(&field.seam_u), counts(&field.seam_v)]);
         if let Some(mesh) = mesh {
             seams.extend(chart_seams(map, mesh, progress)?);
         }
@@ -149,11 +152,21 @@ fn texel_marks(map: &AnisoMap, progress: &Progress<'_>) -> Result<Vec<TexelMark>
 }
 
 /// The jumps over the edges where the map repeats, as marks on both edges.
-fn map_seams(map: &AnisoMap) -> Vec<Seam> {
+/// How far around a place of the edge the map is looked at for jumps as large, in texels.
+const AROUND: u32 = 4;
+
+fn map_seams(map: &AnisoMap, counts: [bool; 2]) -> Vec<Seam> {
     let (w, h) = (map.width(), map.height());
     let jump = |a: (u32, u32), b: (u32, u32)| {
         let t = turn(groove(map.texel(a.0, a.1)), groove(map.texel(b.0, b.1)));
         if t.is_nan() { 0.0 } else { degrees(t) }
+    };
+    // A direction that turns as much right beside the edge goes on over it: that is no seam.
+    let over_edge = |side: u32, at: &dyn Fn(u32) -> (u32, u32)| {
+        let here = jump(at(side - 1), at(0));
+        let beside = |i: u32| jump(at(i), at(i + 1)).max(jump(at(side - 2 - i), at(side - 1 - i)));
+        let usual = (0..AROUND.min(side - 1)).map(beside).fold(0.0, f32::max);
+        if here > usual { here } else { 0.0 }
     };
     let mut seams = Vec::new();
     let mut mark = |from: u32, to: u32, degrees: f32, place: &dyn Fn(u32, f32) -> Vec2| {
@@ -165,14 +178,14 @@ fn map_seams(map: &AnisoMap) -> Vec<Seam> {
             });
         }
     };
-    if map.wrap().repeats_u() && w > 1 {
+    if counts[0] && map.wrap().repeats_u() && w > 1 {
         let place = |i: u32, edge: f32| Vec2::new(edge, 1.0 - i as f32 / h as f32);
-        let jumps: Vec<f32> = (0..h).map(|y| jump((w - 1, y), (0, y))).collect();
+        let jumps: Vec<f32> = (0..h).map(|y| over_edge(w, &|x| (x, y))).collect();
         each_run(&jumps, |from, to, degrees| mark(from, to, degrees, &place));
     }
-    if map.wrap().repeats_v() && h > 1 {
+    if counts[1] && map.wrap().repeats_v() && h > 1 {
         let place = |i: u32, edge: f32| Vec2::new(i as f32 / w as f32, edge);
-        let jumps: Vec<f32> = (0..w).map(|x| jump((x, h - 1), (x, 0))).collect();
+        let jumps: Vec<f32> = (0..w).map(|x| over_edge(h, &|y| (x, y))).collect();
         each_run(&jumps, |from, to, degrees| mark(from, to, degrees, &place));
     }
     seams
