@@ -495,6 +495,7 @@ fn without_a_display_the_studio_says_so() {
         desk.fails(words, 3, &["no window can be opened", "anisomap --help"]);
     }
     desk.fails("gui pott", 2, &["`pott`", "Did you mean `pot`?"]);
+    desk.fails("nothing.toml", 2, &["nothing.toml", "No such file"]);
 }
 
 #[test]

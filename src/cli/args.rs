@@ -43,7 +43,7 @@ pub(super) enum Command {
     Chart(ChartArgs),
     /// Write a completion script for a shell
     Completions(CompletionsArgs),
-    /// Open the studio: paint, and see the light change under the brush
+    /// Open the studio: paint, and see the light change under the brush (`anisomap FILE.toml` does, too)
     #[cfg(feature = "gui")]
     Gui(GuiArgs),
 }

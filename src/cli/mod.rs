@@ -18,6 +18,8 @@ mod stability;
 
 use args::{Arguments, Command};
 use clap::Parser;
+use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// How a command that did its work ended.
@@ -32,7 +34,7 @@ type Result<T = Outcome, E = anisomap::Error> = std::result::Result<T, E>;
 
 /// Parses the arguments, runs the command, and turns its end into an exit code.
 pub(crate) fn run() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = Arguments::parse_from(with_command(std::env::args_os().collect()));
     match dispatch(arguments.command) {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
         Ok(Outcome::Wrong) => ExitCode::from(1),
@@ -41,6 +43,15 @@ pub(crate) fn run() -> ExitCode {
             ExitCode::from(error.exit_code())
         }
     }
+}
+
+/// A recipe alone, as a desktop gives a file to the program it belongs to, is opened in the studio.
+fn with_command(mut words: Vec<OsString>) -> Vec<OsString> {
+    let is_recipe = |word: &OsString| Path::new(word).extension().is_some_and(|e| e == "toml");
+    if cfg!(feature = "gui") && words.len() == 2 && is_recipe(&words[1]) {
+        words.insert(1, "gui".into());
+    }
+    words
 }
 
 fn dispatch(command: Option<Command>) -> Result {
