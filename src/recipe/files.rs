@@ -62,6 +62,16 @@ impl Files {
 }
 
 impl Files {
+    /// Whether a file lies where the recipe may not name it: by its words, or because a link leads out.
+    pub(crate) fn is_outside(&self, name: &str) -> bool {
+        let leads_out = || {
+            let folder = self.folder.as_ref()?;
+            let real = folder.join(name).canonicalize().ok()?;
+            Some(!real.starts_with(folder.canonicalize().ok()?))
+        };
+        !self.allow_outside && (leaves_folder(name) || leads_out().unwrap_or(false))
+    }
+
     /// By what a file that the recipe names is known to be as it was; `None` when it is not there, or may not be named.
     pub fn stamp(&self, name: &str) -> Option<Stamp> {
         Stamp::of(&self.resolve("file", name).ok()?)

@@ -1,6 +1,5 @@
 //! A layer that a map was made without, because a file of its is missing or cannot be read.
 
-use super::files::leaves_folder;
 use super::{Files, Layer, file_of_mesh};
 use crate::error::Error;
 
@@ -37,7 +36,7 @@ impl LeftOut {
             is_outside,
         };
         for name in &names {
-            if !files.allow_outside && leaves_folder(name) {
+            if files.is_outside(name) {
                 let reason = format!("{name} lies outside the recipe's folder");
                 return Ok(left(Some(name), reason, true));
             }

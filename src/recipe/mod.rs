@@ -23,7 +23,7 @@ pub use evaluate::{Above, Prepared, Unmasked};
 pub(crate) use file::{BYTES_MAX, name_from};
 pub use file::{RecipeFile, read_toml};
 pub use files::{Files, seen_from};
-pub(crate) use files::{Way, file_of_mesh, is_path, leaves_folder, rename_files, rename_mesh};
+pub(crate) use files::{Way, file_of_mesh, is_path, rename_files, rename_mesh};
 pub use image::Image;
 pub use layer::{Blend, Channels, Layer, Mask, MaskSource, Source};
 pub use left_out::LeftOut;

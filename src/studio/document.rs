@@ -7,9 +7,7 @@ use crate::error::{Error, Result};
 use crate::export::laid::bring;
 use crate::export::{real_path, write_atomic};
 use crate::map::Size;
-use crate::recipe::{
-    BYTES_MAX, Files, PRESETS, Recipe, RecipeFile, Stamp, leaves_folder, name_from,
-};
+use crate::recipe::{BYTES_MAX, Files, PRESETS, Recipe, RecipeFile, Stamp, name_from};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
@@ -125,14 +123,19 @@ impl Document {
 
     /// The files that the recipe names and may not, since they lie outside its folder; each once.
     pub(super) fn outside_files(&self) -> Vec<String> {
-        let mut names: Vec<String> = Vec::new();
-        if !self.allow_outside {
-            let outside = self.recipe.files().filter(|name| leaves_folder(name));
-            names.extend(outside.map(str::to_owned));
+        outside(&self.recipe, &self.files())
+    }
+
+    /// What was allowed stands for the files that were told then: a recipe that names others outside has to be asked about anew.
+    pub(super) fn allow_only_known(&mut self, recipe: &Recipe) {
+        let files = self.file.files(false);
+        let known = outside(&self.recipe, &files);
+        if !outside(recipe, &files)
+            .iter()
+            .all(|name| known.contains(name))
+        {
+            self.allow_outside = false;
         }
-        names.sort_unstable();
-        names.dedup();
-        names
     }
 
     /// Lets the recipe name files outside its folder from now on.
@@ -319,6 +322,15 @@ pub(super) type Brought = BTreeMap<PathBuf, String>;
 pub(super) fn folder_of(path: &Path) -> PathBuf {
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty());
     parent.unwrap_or(Path::new(".")).to_owned()
+}
+
+/// The files that a recipe names and may not; each once.
+fn outside(recipe: &Recipe, files: &Files) -> Vec<String> {
+    let outside = recipe.files().filter(|name| files.is_outside(name));
+    let mut names: Vec<String> = outside.map(str::to_owned).collect();
+    names.sort_unstable();
+    names.dedup();
+    names
 }
 
 #[cfg(test)]

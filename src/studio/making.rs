@@ -9,7 +9,7 @@ use crate::map::Size;
 use crate::mesh::Body;
 use crate::progress::Progress;
 use crate::raster::Geometry;
-use crate::recipe::{self, Files, LeftOut, Recipe, Stamp, file_of_mesh, leaves_folder};
+use crate::recipe::{self, Files, LeftOut, Recipe, Stamp, file_of_mesh};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -228,7 +228,7 @@ impl Studio {
 
     /// Whether a file that the recipe names lies where it may not name it.
     pub fn is_outside(&self, file: &str) -> bool {
-        !self.document.files().allow_outside && leaves_folder(file)
+        self.document.files().is_outside(file)
     }
 
     /// Tells of the mesh and of layers that are not shown, each when it begins. What lies outside the recipe's folder is left

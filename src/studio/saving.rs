@@ -4,7 +4,7 @@ use super::document::{Brought, folder_of};
 use super::{Document, Edit, History, LeftBehind, Options, Step, Studio};
 use crate::error::{Error, Result};
 use crate::export::laid::{Copies, bring};
-use crate::recipe::{Files, RecipeFile, Way, leaves_folder};
+use crate::recipe::{Files, RecipeFile, Way};
 use std::path::{Path, PathBuf};
 
 impl Studio {
@@ -104,11 +104,11 @@ impl Studio {
     /// Where the files are that the recipe names and may: those that other programs may write anew.
     pub fn files_to_watch(&self) -> Vec<PathBuf> {
         let files = self.document.files();
-        let Some(folder) = files.folder else {
+        let Some(folder) = &files.folder else {
             return Vec::new();
         };
         let names = self.recipe().files();
-        let allowed = names.filter(|name| files.allow_outside || !leaves_folder(name));
+        let allowed = names.filter(|name| !files.is_outside(name));
         let mut paths: Vec<PathBuf> = allowed.map(|name| folder.join(name)).collect();
         paths.sort_unstable();
         paths.dedup();
@@ -150,6 +150,7 @@ impl Studio {
             return Err(Error::file(file.path(), problem)
                 .with_hint("Your work is as it was; save it under another name"));
         }
+        self.document.allow_only_known(file.recipe());
         if file.recipe() != self.recipe() {
             let recipe = Box::new(file.recipe().clone());
             self.edit("Read again", vec![Edit::SetRecipe { recipe }], None)?;

@@ -171,6 +171,14 @@ fn what_lies_outside_the_folder_is_read_once_that_is_allowed() {
     assert!(studio.outside_files().is_empty() && studio.left_out("lake").is_none());
     assert!(*studio.map() == *opened(&path).map());
     assert_eq!(studio.mesh().triangles.len(), 2);
+    // What was allowed were those files: a recipe that comes to name another one is asked about anew.
+    let again = std::fs::read_to_string(&copy).unwrap();
+    std::fs::write(&copy, again.replace("seed", "# seed")).unwrap();
+    assert!(studio.reload(RecipeFile::read(&copy).unwrap()).unwrap());
+    assert!(studio.outside_files().is_empty());
+    std::fs::write(&copy, again.replace("../lake.exr", "../lake_2.exr")).unwrap();
+    assert!(studio.reload(RecipeFile::read(&copy).unwrap()).unwrap());
+    assert_eq!(studio.outside_files(), ["../lake_2.exr", "../square.obj"]);
     assert_eq!(
         seen_from(&inner, &folder.path().join("lake.exr")).unwrap(),
         "../lake.exr"
