@@ -290,7 +290,10 @@ impl App {
         if !ctx.input(|i| i.viewport().close_requested()) || self.may_close {
             return;
         }
-        if self.desk.studio.document().is_changed() {
+        if self.saving.is_some() {
+            ctx.send_viewport_cmd(ViewportCommand::CancelClose);
+            self.after_saving = Some(Then::Quit);
+        } else if self.desk.studio.document().is_changed() {
             ctx.send_viewport_cmd(ViewportCommand::CancelClose);
             self.dialog = Some(Dialog::Unsaved(Then::Quit));
         } else {

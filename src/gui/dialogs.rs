@@ -279,7 +279,7 @@ pub(crate) fn main_button(ui: &mut Ui, text: &str) -> egui::Response {
 }
 
 /// The same, and what Enter does as long as no other control has the keyboard.
-fn default_button(ui: &mut Ui, text: &str) -> egui::Response {
+pub(crate) fn default_button(ui: &mut Ui, text: &str) -> egui::Response {
     let button = main_button(ui, text);
     if ui.memory(|m| m.focused().is_none()) {
         button.request_focus();
@@ -366,7 +366,7 @@ fn no_uvs(ui: &mut Ui, path: &Path) -> (Next, Option<Wish>) {
     ui.add_space(8.0);
     let mut answer = (Next::Stay, None);
     ui.horizontal(|ui| {
-        let lay = main_button(ui, "Project from six sides");
+        let lay = default_button(ui, "Project from six sides");
         if lay.clicked() {
             let file = path.to_string_lossy();
             let word = Projection::join(&file, Some(Projection::Box));
@@ -465,7 +465,11 @@ fn recover(ui: &mut Ui, left: &mut Vec<LeftBehind>) -> (Next, Option<Wish>) {
                 {
                     discarded = Some(i);
                 }
-                if main_button(ui, "Recover")
+                let recover = match i {
+                    0 => default_button(ui, "Recover"),
+                    _ => main_button(ui, "Recover"),
+                };
+                if recover
                     .on_hover_text("Opens this work; save it to keep it.")
                     .clicked()
                 {

@@ -177,6 +177,9 @@ impl FileDialog {
             self.no_folder = None;
         }
         let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+        if entered && self.purpose.saves() {
+            field.request_focus(); // where there is something to say first, Enter answers that
+        }
         self.list(ui);
         if let Some(over) = &self.over {
             let text = format!(
@@ -186,10 +189,12 @@ impl FileDialog {
             );
             ui.add(egui::Label::new(RichText::new(text).color(palette.warning)).wrap());
         }
-        self.offer_folder(ui);
+        if self.offer_folder(ui) {
+            answer = self.accept();
+        }
         ui.add_space(6.0);
         ui.horizontal(|ui| {
-            if super::dialogs::main_button(ui, self.purpose.button()).clicked() || entered {
+            if super::dialogs::default_button(ui, self.purpose.button()).clicked() || entered {
                 answer = self.accept();
             }
             if has_desktop_dialogs()
@@ -207,22 +212,23 @@ impl FileDialog {
         answer
     }
 
-    /// Says that the folder is not there, and makes it where that is wanted.
-    fn offer_folder(&mut self, ui: &mut Ui) {
+    /// Says that the folder is not there, and makes it where that is wanted; `true` once it is made.
+    fn offer_folder(&mut self, ui: &mut Ui) -> bool {
         let Some((folder, failed)) = &mut self.no_folder else {
-            return;
+            return false;
         };
         let palette = Palette::of(ui);
         let text = format!("The folder {} is not there.", folder.display());
         ui.add(egui::Label::new(RichText::new(text).color(palette.warning)).wrap());
-        let make = ui.button("Make the folder");
+        let make = format!("Make it and {}", self.purpose.button().to_lowercase());
+        let make = ui.button(make);
         let tip = "Makes it, and those above it that are missing.";
         if make.on_hover_text(tip).clicked() {
             match anisomap::generate::make_folder(folder) {
                 Ok(()) => {
                     self.no_folder = None;
                     self.listed = None;
-                    return;
+                    return true;
                 }
                 Err(error) => *failed = Some(error.to_string()),
             }
@@ -230,6 +236,7 @@ impl FileDialog {
         if let Some(failed) = failed {
             ui.add(egui::Label::new(RichText::new(&*failed).color(palette.error)).wrap());
         }
+        false
     }
 
     /// What lies in the folder of the path.

@@ -11,6 +11,7 @@ use anisomap::import::guess::{Guess, guess, pictures_beside};
 use anisomap::import::numbers::{About, Numbers, about};
 use anisomap::import::textures::{Channel, Textures};
 use anisomap::map::{AnisoMap, Size, Wrap};
+use anisomap::recipe::Files;
 use anisomap::studio::apart;
 use anisomap::studio::view::{Averages, Camera2d, Lighting, View};
 use eframe::egui::{self, ColorImage, ComboBox, DragValue, RichText, TextureHandle, Ui, vec2};
@@ -55,13 +56,18 @@ pub(crate) fn look_at(path: &Path) -> Result<Seen, Error> {
     Ok(seen)
 }
 
-/// Looks at the textures of a layer again, whose files are named from `folder`, and at those beside them.
-pub(crate) fn look_again(layer: String, textures: Textures, folder: &Path) -> Seen {
+/// Looks at the textures of a layer again, whose files are named from `folder`, and at those beside them, as far as `may` says that
+/// the recipe may name them.
+pub(crate) fn look_again(layer: String, textures: Textures, folder: &Path, may: &Files) -> Seen {
     let files: Vec<String> = textures.channels().map(|(_, c)| c.file.clone()).collect();
     let first = files.first().cloned().unwrap_or_default();
     let way = first.rsplit_once('/').map_or("", |(way, _)| way);
-    let beside = pictures_beside(&folder.join(&first)).into_iter();
-    let beside = beside.map(|name| match way {
+    let is_allowed = |name: &String| may.resolve("file", name).is_ok();
+    let beside = match is_allowed(&first) {
+        true => pictures_beside(&folder.join(&first)),
+        false => vec![],
+    };
+    let beside = beside.into_iter().map(|name| match way {
         "" => name,
         way => format!("{way}/{name}"),
     });
@@ -70,7 +76,7 @@ pub(crate) fn look_again(layer: String, textures: Textures, folder: &Path) -> Se
         name: layer.clone(),
         textures,
     };
-    let all = files.into_iter().chain(beside).collect();
+    let all = files.into_iter().chain(beside).filter(is_allowed).collect();
     let mut seen = Seen::of(folder.to_owned(), guess, all);
     seen.layer = Some(layer);
     // What of it cannot be read is not drawn; what it means can be said all the same.

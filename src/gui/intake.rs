@@ -15,7 +15,7 @@ use anisomap::import::numbers;
 use anisomap::import::textures::Textures;
 use anisomap::map::Wrap;
 use anisomap::mesh::{self, Body, Projection};
-use anisomap::recipe::Image;
+use anisomap::recipe::{Files, Image};
 use anisomap::studio::{apart, bytes_free, mesh_warning, picture_warning};
 use eframe::egui::Context;
 use std::collections::HashMap;
@@ -68,6 +68,8 @@ type Came = (Taken, Vec<String>);
 /// A file on its way.
 pub(crate) struct Intake {
     pub(crate) path: PathBuf,
+    /// That of the recipe that it comes in for.
+    pub(crate) folder: PathBuf,
     pub(crate) part: Part,
     work: Work<Result<Came, Error>>,
 }
@@ -81,17 +83,19 @@ impl Intake {
         even_if_large: bool,
         ctx: &Context,
     ) -> Result<Self, Error> {
-        let (from, folder) = (path.to_owned(), folder.to_owned());
-        Self::of(part, path, ctx, move || {
+        let (from, home) = (path.to_owned(), folder.to_owned());
+        Self::of(part, (path, folder), ctx, move || {
             let free = if even_if_large { None } else { bytes_free() };
-            take(part, &from, &folder, free)
+            take(part, &from, &home, free)
         })
     }
 
     /// Begins to take textures into the folder of a recipe.
     pub(crate) fn begin_textures(told: Told, folder: &Path, ctx: &Context) -> Result<Self, Error> {
-        let (path, folder) = (told.from.join(&told.name), folder.to_owned());
-        Self::of(Part::Map, &path, ctx, move || take_textures(told, &folder))
+        let (path, home) = (told.from.join(&told.name), folder.to_owned());
+        Self::of(Part::Map, (&path, folder), ctx, move || {
+            take_textures(told, &home)
+        })
     }
 
     /// Begins to take a file into the folder of a recipe, in the place of one that the recipe calls `old`.
@@ -101,9 +105,9 @@ impl Intake {
         folder: &Path,
         ctx: &Context,
     ) -> Result<Self, Error> {
-        let (from, folder) = (path.to_owned(), folder.to_owned());
-        Self::of(Part::Map, path, ctx, move || {
-            take_found(old, &from, &folder)
+        let (from, home) = (path.to_owned(), folder.to_owned());
+        Self::of(Part::Map, (path, folder), ctx, move || {
+            take_found(old, &from, &home)
         })
     }
 
@@ -111,19 +115,19 @@ impl Intake {
     pub(crate) fn begin_again(
         layer: String,
         textures: Textures,
-        folder: &Path,
+        (folder, files): (&Path, Files),
         ctx: &Context,
     ) -> Result<Self, Error> {
         let home = folder.to_owned();
-        Self::of(Part::Map, folder, ctx, move || {
-            let seen = look_again(layer, textures, &home);
+        Self::of(Part::Map, (folder, folder), ctx, move || {
+            let seen = look_again(layer, textures, &home, &files);
             Ok((Taken::Textures(Box::new(seen)), vec![]))
         })
     }
 
     fn of(
         part: Part,
-        path: &Path,
+        (path, folder): (&Path, &Path),
         ctx: &Context,
         work: impl FnOnce() -> Result<Came, Error> + Send + 'static,
     ) -> Result<Self, Error> {
@@ -135,6 +139,7 @@ impl Intake {
         };
         Ok(Self {
             path: path.to_owned(),
+            folder: folder.to_owned(),
             part,
             work: Work::begin("intake", ctx, body)?,
         })

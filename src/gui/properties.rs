@@ -10,6 +10,7 @@ use anisomap::mesh::Projection;
 use anisomap::pattern::Pattern;
 use anisomap::recipe::{Mask, MaskSource, Material, Recipe, SEED_MAX, Source};
 use anisomap::studio::action::Action;
+use anisomap::studio::hand::ToolKind;
 use anisomap::studio::parameters::{Setting, default_pattern, rows, with_value};
 use anisomap::studio::{Header, LayerHead, bytes_free, bytes_needed, memory_warning};
 use eframe::egui::{self, Ui, vec2};
@@ -361,7 +362,15 @@ fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
                 for (name, shows) in [("painted, all shown", true), ("painted, all hidden", false)] {
                     if ui.selectable_label(false, name).clicked() {
                         let added = desk.studio.add_painted_mask(at, shows);
-                        desk.told(added);
+                        // The first stroke is to do something: what all shows, or hides, is to be taken away from.
+                        let erases = desk.hand.kind() == ToolKind::Erase;
+                        if desk.told(added).is_some() && erases != shows {
+                            desk.ask(if shows {
+                                Action::ToolErase
+                            } else {
+                                Action::ToolGroove
+                            });
+                        }
                     }
                 }
                 for name in Pattern::NAMES {

@@ -10,6 +10,7 @@ use crate::gui::intake::{Intake, Part, Taken};
 use crate::gui::viewport::set_mesh;
 use crate::gui::widgets::overlay_text;
 use anisomap::recipe::{Layer, RecipeFile, Source};
+use anisomap::studio::Header;
 use anisomap::studio::keymap::Keymap;
 use anisomap::studio::settings::Folders;
 use eframe::egui::{self, Context, Id};
@@ -78,6 +79,33 @@ impl App {
         Some(if here { ".".into() } else { folder.to_owned() })
     }
 
+    /// Gives a document that was begun for a mesh the aspect of that, as long as nothing is painted; any other is told how.
+    fn follow_aspect(&mut self, file: &str, aspect: f32, is_first: bool) {
+        let studio = &mut self.desk.studio;
+        let recipe = studio.recipe();
+        let now = recipe.aspect_at(recipe.size);
+        if (now / aspect - 1.0).abs() <= 0.01 {
+            return;
+        }
+        let is_painted = recipe.layers.iter().any(|l| {
+            let of = |mask| l.strokes(mask).is_some_and(|s| !s.strokes.is_empty());
+            of(false) || of(true)
+        });
+        if is_first && recipe.aspect.is_none() && !is_painted {
+            let header = Header {
+                aspect: Some(aspect),
+                ..Header::of(recipe)
+            };
+            let set = studio.set_header("Aspect of the mesh", header);
+            self.desk.told(set);
+        } else {
+            let text = format!(
+                "{file} is {aspect} times as wide as high, the map {now}: Document has a button that gives it that, so that strokes keep their shape"
+            );
+            self.desk.messages.news(text);
+        }
+    }
+
     /// Whether a file is on its way.
     #[cfg(test)]
     pub(crate) fn is_reading(&self) -> bool {
@@ -97,8 +125,16 @@ impl App {
             return;
         };
         let (path, part) = (intake.path.clone(), intake.part);
+        let is_here = self.own_folder() == Some(intake.folder.clone());
         self.intake = None;
         self.desk.reading = None;
+        if !is_here {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let text = format!(
+                "{name} came in beside the recipe where that was before: take it in once more"
+            );
+            return self.desk.messages.error(text);
+        }
         let Some((taken, news)) = self.desk.told(taken) else {
             return;
         };
@@ -107,8 +143,11 @@ impl App {
         }
         match taken {
             Taken::Mesh { file, body } => {
+                let aspect = (body.mesh().aspect * 1000.0).round() / 1000.0;
+                let is_first = self.desk.studio.recipe().mesh.is_none();
                 self.desk.studio.know_mesh(&file, body);
                 set_mesh(&mut self.desk, &file);
+                self.follow_aspect(&file, aspect, is_first);
             }
             Taken::NoUvs => self.dialog = Some(Dialog::NoUvs(path)),
             Taken::Found { old, new } => {
@@ -169,6 +208,8 @@ impl App {
         let taken = self.desk.studio.reload(file);
         if self.desk.told(taken) == Some(true) {
             self.desk.redraw = self.desk.redraw.or(Redraw::Sharp);
+            // It may name other files than it did.
+            self.desk.ask_outside = true;
             self.desk
                 .messages
                 .news("The file was changed by another program, and read again");
@@ -189,8 +230,17 @@ impl App {
         if self.watch_files.changed() {
             self.desk.studio.read_files_again();
             self.desk.redraw = self.desk.redraw.or(Redraw::Sharp);
-            let text = "A file of the recipe was changed by another program, and read again";
-            self.desk.messages.news(text);
+            // Of one that is gone the layer tells.
+            if self
+                .desk
+                .studio
+                .files_to_watch()
+                .iter()
+                .all(|path| path.exists())
+            {
+                let text = "A file of the recipe was changed by another program, and read again";
+                self.desk.messages.news(text);
+            }
         }
     }
 

@@ -210,7 +210,9 @@ impl App {
     /// Does what takes the work at hand away, or asks first where it is not saved.
     pub(super) fn leave_for(&mut self, ctx: &Context, then: Then) {
         self.canvas.cancel(&mut self.desk);
-        if self.desk.studio.document().is_changed() {
+        if self.saving.is_some() {
+            self.after_saving = Some(then); // what it needs is being copied
+        } else if self.desk.studio.document().is_changed() {
             self.dialog = Some(Dialog::Unsaved(then));
         } else {
             self.go(ctx, then);
@@ -316,7 +318,8 @@ impl App {
                 }) = &layer.source
                 {
                     let (name, textures) = (layer.name().to_owned(), textures.clone());
-                    let begun = Intake::begin_again(name, textures, &folder, ctx);
+                    let files = self.desk.studio.document().files();
+                    let begun = Intake::begin_again(name, textures, (&folder, files), ctx);
                     self.intake = self.desk.told(begun);
                 }
             }
@@ -329,10 +332,12 @@ impl App {
         let at = layers
             .iter()
             .position(|l| Some(l.name()) == told.layer.as_deref());
-        if let Some(at) = at {
-            let done = self.desk.studio.set_textures(at, told.textures);
-            self.desk.told(done);
-        }
+        let Some(at) = at else {
+            let text = "The layer was taken away meanwhile: nothing is changed";
+            return self.desk.messages.error(text);
+        };
+        let done = self.desk.studio.set_textures(at, told.textures);
+        self.desk.told(done);
     }
 
     /// A recipe takes the place of the document, a map becomes a layer, a mesh is shown.

@@ -179,11 +179,9 @@ fn a_document_saved_elsewhere_takes_its_files_along() {
     enter(&mut window, &to.join("b.toml"));
     button(&window, "Save");
     window.run_steps(3);
-    // The folder is not there: the dialog stays, and makes it when that is wanted.
+    // The folder is not there: the dialog stays, and makes it and saves when that is wanted.
     assert!(matches!(window.state().dialog, Some(Dialog::File(_))) && !to.exists());
-    button(&window, "Make the folder");
-    window.run_steps(3);
-    button(&window, "Save");
+    button(&window, "Make it and save");
     wait(&mut window, |_| to.join("b.toml").is_file());
     assert!(to.join("r.png").is_file());
     let file = RecipeFile::read(to.join("b.toml")).unwrap();
