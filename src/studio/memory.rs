@@ -97,11 +97,18 @@ const TRIANGLE: u64 = 450;
 /// What to tell before a mesh is read that takes more than half of the memory that is free; `None` where it takes less, or the
 /// system does not tell what is free.
 pub fn mesh_warning(triangles: usize, free: Option<u64>) -> Option<String> {
-    let needed = triangles as u64 * TRIANGLE;
+    let takes = over_half(triangles as u64 * TRIANGLE, free)?;
+    Some(format!(
+        "To paint on it takes {takes}. A mesh with fewer triangles shows the same map."
+    ))
+}
+
+/// What is needed and what is free, where that is more than half of it.
+fn over_half(needed: u64, free: Option<u64>) -> Option<String> {
     let free = free.filter(|free| needed > free / 2)?;
     let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
     Some(format!(
-        "To paint on it takes about {:.1} GiB of memory; {:.1} GiB are free. A mesh with fewer triangles shows the same map.",
+        "about {:.1} GiB of memory; {:.1} GiB are free",
         gib(needed),
         gib(free)
     ))
@@ -119,13 +126,9 @@ fn picture_bytes(size: Size, channels: usize) -> u64 {
 /// What to tell before a picture is read that takes more than half of the memory that is free; `None` where it takes less, or
 /// the system does not tell what is free.
 pub fn picture_warning(size: Size, channels: usize, free: Option<u64>) -> Option<String> {
-    let needed = picture_bytes(size, channels);
-    let free = free.filter(|free| needed > free / 2)?;
-    let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+    let takes = over_half(picture_bytes(size, channels), free)?;
     Some(format!(
-        "To read it takes about {:.1} GiB of memory; {:.1} GiB are free. A smaller picture may show the same.",
-        gib(needed),
-        gib(free)
+        "To read it takes {takes}. A smaller picture may show the same."
     ))
 }
 

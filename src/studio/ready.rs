@@ -204,9 +204,7 @@ impl Studio {
             return false;
         };
         if let PenPoints::Uv(kept, end) = &mut open.points {
-            let room = POINTS_MAX.saturating_sub(kept.len());
-            kept.extend(points.iter().take(room));
-            *end = ahead.to_vec();
+            keep((kept, end), points, ahead);
         }
         true
     }
@@ -217,9 +215,7 @@ impl Studio {
             return false;
         };
         if let PenPoints::Mesh(kept, end) = &mut open.points {
-            let room = POINTS_MAX.saturating_sub(kept.len());
-            kept.extend(points.iter().take(room));
-            *end = ahead.to_vec();
+            keep((kept, end), points, ahead);
         }
         true
     }
@@ -424,6 +420,13 @@ impl Waiting {
             }
         }
     }
+}
+
+/// Adds points to those that wait, as far as a stroke takes them; those ahead take the place of the ones before.
+fn keep<P: Copy>((kept, end): (&mut Vec<P>, &mut Vec<P>), points: &[P], ahead: &[P]) {
+    let room = POINTS_MAX.saturating_sub(kept.len());
+    kept.extend(points.iter().take(room));
+    *end = ahead.to_vec();
 }
 
 /// The largest coordinate of a mesh.
