@@ -294,8 +294,8 @@ impl Job<'_> {
         subject.each_tile(
             window,
             &mut tiles,
-            pictures,
-            scene.samples,
+            (pictures, scene.samples),
+            |_| true,
             |i, tile, desk, lines| {
                 timings.time(Stage::Raster, || plan.draw(i, tile, &mut desk.depths));
                 timings.time(Stage::Resolve, || {
@@ -311,7 +311,7 @@ impl Job<'_> {
         let outline = finder.map(|f| f.finish(geometry, scene, picture.size(), timings));
         let mut outline = outline.transpose()?.flatten();
         if let Some(outline) = &mut outline {
-            self.light_outline(outline, picture, |_| true)?;
+            self.light_outline(outline, picture, |_| true, |_, _| ())?;
         }
         Ok(Kept {
             view,
@@ -334,22 +334,24 @@ impl Job<'_> {
             kept,
             picture,
             |_| true,
+            |_| true,
             |tile, desk, lines| {
                 shader.tile(tile, desk, lines, self.timings);
             },
         )?;
         match &mut kept.outline {
-            Some(outline) => self.light_outline(outline, picture, |_| true),
+            Some(outline) => self.light_outline(outline, picture, |_| true, |_, _| ()),
             None => Ok(()),
         }
     }
 
-    /// Lights the outline's tiles that are wanted.
+    /// Lights the outline's tiles that are wanted: of each the fragments that `choose` leaves.
     fn light_outline(
         &self,
         outline: &mut Outline,
         picture: &mut Picture,
         is_wanted: impl Fn(usize) -> bool + Sync,
+        choose: impl Fn(Rect, &mut Fragments) + Sync,
     ) -> Result<()> {
         let scene = outline_scene(self.scene);
         let shader = self.subject.shader(&scene, picture.size(), self.look);
@@ -362,6 +364,7 @@ impl Job<'_> {
             watch,
             is_wanted,
             |_, rect, desk, lines| {
+                choose(rect, &mut desk.fragments);
                 shader.pixels_of_fragments(rect, desk, &mut lines[0], self.timings);
             },
         )
@@ -377,9 +380,11 @@ impl Job<'_> {
         until: Option<Instant>,
     ) -> Result<(usize, Vec<Rect>)> {
         let (map, mips) = (self.subject.map(), self.scene.quality.mips);
-        if kept.reaches.as_ref().is_none_or(|r| r.mips != mips) {
-            kept.reaches = Some(self.reaches(kept)?);
-        }
+        let reaches = kept.reaches.take().filter(|r| r.mips == mips);
+        let reaches = match reaches {
+            Some(reaches) => reaches,
+            None => self.reaches(kept, picture.size())?,
+        };
         let owed = kept.owed.take();
         let mut cells = Cells::default();
         for rect in rects {
@@ -392,7 +397,6 @@ impl Job<'_> {
         let was_left = |list: fn(&Owed) -> &Vec<bool>, i: usize| {
             owed.as_ref().is_some_and(|o| list(o).get(i) == Some(&true))
         };
-        let reaches = kept.reaches.as_ref().expect("just made");
         let tiles = reaches.tiles.iter().enumerate();
         let touched: Vec<bool> = tiles
             .map(|(i, r)| r.meets(&cells) || was_left(|o| &o.tiles, i))
@@ -405,9 +409,9 @@ impl Job<'_> {
         self.each_kept(
             kept,
             picture,
+            |i| touched[i],
             |i| {
-                let wanted = touched[i]
-                    && (count.fetch_add(1, Ordering::Relaxed) < TILES_AT_LEAST || is_time());
+                let wanted = count.fetch_add(1, Ordering::Relaxed) < TILES_AT_LEAST || is_time();
                 if wanted {
                     lit.lock().unwrap_or_else(PoisonError::into_inner)[i] = true;
                 }
@@ -415,7 +419,10 @@ impl Job<'_> {
             },
             |tile, desk, lines| {
                 let wanted = reaching(map, &desk.fragments, mips, &changed);
-                keep_pixels(&mut desk.fragments, tile, samples, &wanted);
+                // What the outline shows is its own to change.
+                keep_pixels(&mut desk.fragments, tile, samples, &wanted, |x, y| {
+                    !reaches.is_of_outline(x, y)
+                });
                 shader.pixels_of_fragments(tile, desk, lines, self.timings);
             },
         )?;
@@ -436,14 +443,16 @@ impl Job<'_> {
             .collect();
         let mut left_outline = Vec::new();
         if let Some(outline) = &mut kept.outline {
-            // Pixels that were lit with few samples just now, and those whose many samples see the change.
-            let near = outline.near(&lit, samples);
-            let reaches = &kept.reaches.as_ref().expect("made above").outline;
-            let wanted: Vec<bool> = (0..near.len())
-                .map(|i| near[i] || reaches[i].meets(&cells) || was_left(|o| &o.outline, i))
+            let tiles = reaches.outline.iter().enumerate();
+            let wanted: Vec<bool> = tiles
+                .map(|(i, r)| r.meets(&cells) || was_left(|o| &o.outline, i))
                 .collect();
             if is_time() || done < TILES_AT_LEAST {
-                self.light_outline(outline, picture, |i| wanted[i])?;
+                let choose = |rect, fragments: &mut Fragments| {
+                    let wanted = reaching(map, fragments, mips, &changed);
+                    keep_pixels(fragments, rect, SAMPLES_MAX, &wanted, |_, _| true);
+                };
+                self.light_outline(outline, picture, |i| wanted[i], choose)?;
                 let lit = outline.rects().zip(&wanted).filter(|(_, wanted)| **wanted);
                 rects.extend(lit.map(|(rect, _)| pixels(rect, SAMPLES_MAX)));
             } else {
@@ -457,15 +466,17 @@ impl Job<'_> {
                 outline: left_outline,
             });
         }
+        kept.reaches = Some(reaches);
         Ok((done, rects))
     }
 
-    /// Calls `light` for the tiles that are wanted, with their fragments on the desk.
+    /// Calls `light` for the tiles that are wanted, and still are when it is their turn, with their fragments on the desk.
     fn each_kept(
         &self,
         kept: &mut Kept,
         picture: &mut Picture,
         is_wanted: impl Fn(usize) -> bool + Sync,
+        is_still: impl Fn(usize) -> bool + Sync,
         light: impl Fn(Rect, &mut Desk, &mut Lines<'_>) + Sync,
     ) -> Result<()> {
         let Self {
@@ -488,10 +499,10 @@ impl Job<'_> {
         subject.each_tile(
             window,
             tiles,
-            pictures,
-            scene.samples,
+            (pictures, scene.samples),
+            is_wanted,
             |i, tile, desk, lines| {
-                if is_wanted(i) {
+                if is_still(i) {
                     timings.time(Stage::Resolve, || {
                         tile.resolve(&subject.geometry, corners, changes, &mut desk.fragments);
                     });
@@ -502,8 +513,8 @@ impl Job<'_> {
         )
     }
 
-    /// What parts of the map the tiles see.
-    fn reaches(&self, kept: &Kept) -> Result<Reaches> {
+    /// What parts of the map the tiles see, of a picture of `size` pixels.
+    fn reaches(&self, kept: &Kept, size: Size) -> Result<Reaches> {
         let Self {
             subject,
             scene,
@@ -520,14 +531,33 @@ impl Job<'_> {
             }))
         });
         let tiles = cells.collect::<Result<_>>()?;
-        let see = |f: &Fragments| Cells::seen(subject.map(), f, scene.quality.mips);
-        let outline = kept.outline.as_ref();
-        let outline = outline.map(|o| o.see(subject, changes, progress, see));
-        Ok(Reaches {
+        let mut reaches = Reaches {
             tiles,
-            outline: outline.transpose()?.unwrap_or_default(),
+            outline: Vec::new(),
             mips: scene.quality.mips,
-        })
+            width: size.width() as usize,
+            of_outline: Vec::new(),
+        };
+        if let Some(outline) = &kept.outline {
+            let seen = outline.see(subject, changes, progress, |rect, fragments| {
+                let pixel = |start: u32, t: u8| ((start + u32::from(t)) / SAMPLES_MAX) as usize;
+                let places = fragments.columns().iter().zip(fragments.rows());
+                let mut pixels: Vec<usize> = places
+                    .map(|(x, y)| pixel(rect.y, *y) * reaches.width + pixel(rect.x, *x))
+                    .collect();
+                pixels.dedup();
+                let cells = Cells::seen(subject.map(), fragments, scene.quality.mips);
+                (cells, pixels)
+            })?;
+            reaches.of_outline.resize(size.texels(), false);
+            for (cells, pixels) in seen {
+                reaches.outline.push(cells);
+                for pixel in pixels {
+                    reaches.of_outline[pixel] = true;
+                }
+            }
+        }
+        Ok(reaches)
     }
 }
 
@@ -538,6 +568,15 @@ struct Reaches {
     outline: Vec<Cells>,
     /// Whether footprints are averaged: then fetches reach farther.
     mips: bool,
+    /// The pixels that the outline shows, in rows of `width`; none without an outline.
+    of_outline: Vec<bool>,
+    width: usize,
+}
+
+impl Reaches {
+    fn is_of_outline(&self, x: usize, y: usize) -> bool {
+        self.of_outline.get(y * self.width + x) == Some(&true)
+    }
 }
 
 /// Cells along a side of the map.
@@ -679,23 +718,35 @@ fn sides(rect: Rect, size: Size) -> [(f32, f32); 2] {
     ]
 }
 
-/// Leaves of a tile's fragments those in whose pixel any is wanted.
-fn keep_pixels(fragments: &mut Fragments, tile: Rect, samples: u32, is_wanted: &[bool]) {
+/// Leaves of a tile's fragments those in whose pixel any is wanted, if `is_open` says so of the pixel's column and row.
+fn keep_pixels(
+    fragments: &mut Fragments,
+    tile: Rect,
+    samples: u32,
+    is_wanted: &[bool],
+    is_open: impl Fn(usize, usize) -> bool,
+) {
     if !is_wanted.contains(&true) {
         fragments.keep(|_| false);
         return;
     }
-    let width = (tile.width / samples) as usize;
-    let mut wanted = vec![false; width * (tile.height / samples) as usize];
-    let pixel = |t: u8| usize::from(t) / samples as usize;
+    let pixels = |n: u32| (n / samples) as usize;
+    let width = pixels(tile.width);
+    let mut wanted = vec![false; width * pixels(tile.height)];
     let places = fragments.columns().iter().zip(fragments.rows());
-    let pixels: Vec<usize> = places
-        .map(|(column, row)| pixel(*row) * width + pixel(*column))
+    let places: Vec<usize> = places
+        .map(|(column, row)| pixels(u32::from(*row)) * width + pixels(u32::from(*column)))
         .collect();
-    for (&pixel, is_wanted) in pixels.iter().zip(is_wanted) {
-        wanted[pixel] |= is_wanted;
+    for (&place, is_wanted) in places.iter().zip(is_wanted) {
+        wanted[place] |= is_wanted;
     }
-    fragments.keep(|i| wanted[pixels[i]]);
+    for (place, wanted) in wanted.iter_mut().enumerate().filter(|(_, w)| **w) {
+        *wanted = is_open(
+            pixels(tile.x) + place % width,
+            pixels(tile.y) + place / width,
+        );
+    }
+    fragments.keep(|i| wanted[places[i]]);
 }
 
 /// Which fragments' fetches may reach any of some rectangles of the map.

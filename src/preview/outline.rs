@@ -371,13 +371,10 @@ impl Outline {
         subject.each_tile(
             *window,
             tiles,
-            pictures,
-            SAMPLES_MAX,
+            (pictures, SAMPLES_MAX),
+            |i| marks.tiles[i] != UNWANTED && is_wanted(marks.tiles[i] as usize),
             |i, tile, desk, lines| {
                 let number = marks.tiles[i];
-                if number == UNWANTED || !is_wanted(number as usize) {
-                    return Ok(());
-                }
                 progress.check()?;
                 let rect = tile.rect;
                 let tile = if keep {
@@ -405,7 +402,7 @@ impl Outline {
         Ok(())
     }
 
-    /// What `look` finds of the fragments of the marked pixels of each tile, whose tiles are kept.
+    /// What `look` finds of the fragments of the marked pixels of each tile, whose tiles are kept, and its rectangle in samples.
     ///
     /// # Errors
     /// When `progress` cancels.
@@ -414,14 +411,15 @@ impl Outline {
         subject: &Prepared<'_>,
         changes: bool,
         progress: &Progress<'_>,
-        look: impl Fn(&Fragments) -> T + Sync,
+        look: impl Fn(Rect, &Fragments) -> T + Sync,
     ) -> Result<Vec<T>> {
         let seen = self.marks.wanted.par_iter().map(|tile| {
             progress.check()?;
             Ok(subject.with_desk(|desk| {
                 let fragments = &mut desk.fragments;
-                self.tiles[*tile].resolve(&subject.geometry, &self.corners, changes, fragments);
-                look(fragments)
+                let tile = &self.tiles[*tile];
+                tile.resolve(&subject.geometry, &self.corners, changes, fragments);
+                look(tile.rect, fragments)
             }))
         });
         seen.collect()
@@ -430,25 +428,6 @@ impl Outline {
     /// The rectangles of its tiles, in samples.
     pub(super) fn rects(&self) -> impl Iterator<Item = Rect> {
         self.marks.wanted.iter().map(|tile| self.tiles[*tile].rect)
-    }
-
-    /// Which tiles lie over any of those that are touched, of a picture with so many samples along a pixel's side.
-    pub(super) fn near(&self, touched: &[bool], samples: u32) -> Vec<bool> {
-        let side = SIDE / samples as usize;
-        let across = self.marks.width.div_ceil(side);
-        let last = PIXELS as usize - 1;
-        let tiles = self.marks.wanted.iter().map(|tile| {
-            let (x, y) = (
-                tile % self.marks.across * PIXELS as usize,
-                tile / self.marks.across * PIXELS as usize,
-            );
-            let mut rows = y / side..=(y + last) / side;
-            rows.any(|row| {
-                let mut columns = (x / side..=(x + last) / side).map(|c| (c, row * across + c));
-                columns.any(|(c, i)| c < across && touched.get(i) == Some(&true))
-            })
-        });
-        tiles.collect()
     }
 }
 

@@ -193,8 +193,8 @@ impl<'a> Prepared<'a> {
             self.each_tile(
                 band,
                 &mut tiles,
-                pictures,
-                scene.samples,
+                (pictures, scene.samples),
+                |_| true,
                 |i, tile, desk, lines| {
                     let rect = tile.rect;
                     // Nobody asks again what it saw: the thread's own tile serves.
@@ -245,13 +245,13 @@ impl<'a> Prepared<'a> {
         Shader::new(&self.pyramid, &self.material, scene, size.height(), look)
     }
 
-    /// Calls `work` for every tile of a window with its number, and with its lines of each picture.
+    /// Calls `work` for every tile of a window that is wanted with its number, and with its lines of each picture.
     pub(super) fn each_tile(
         &self,
         window: Rect,
         tiles: &mut [Tile],
-        pictures: &mut [Picture],
-        samples: u32,
+        (pictures, samples): (&mut [Picture], u32),
+        is_wanted: impl Fn(usize) -> bool + Sync,
         work: impl Fn(usize, &mut Tile, &mut Desk, &mut [Lines<'_>]) -> Result<()> + Sync,
     ) -> Result<()> {
         let across = window.width.div_ceil(TILE) as usize;
@@ -274,6 +274,9 @@ impl<'a> Prepared<'a> {
             .zip(tiles.par_chunks_mut(across))
             .enumerate()
             .try_for_each(|(j, (stripe, tiles))| {
+                if !(j * across..j * across + tiles.len()).any(&is_wanted) {
+                    return Ok(());
+                }
                 let mut lines: Vec<Vec<Lines<'_>>> = tiles
                     .iter()
                     .map(|_| Vec::with_capacity(stripe.len()))
@@ -287,8 +290,12 @@ impl<'a> Prepared<'a> {
                 }
                 lines.into_par_iter().zip(tiles).enumerate().try_for_each(
                     |(i, (mut lines, tile))| {
-                        self.desks
-                            .with(|desk| work(j * across + i, tile, desk, &mut lines))
+                        let i = j * across + i;
+                        if is_wanted(i) {
+                            self.desks.with(|desk| work(i, tile, desk, &mut lines))
+                        } else {
+                            Ok(())
+                        }
                     },
                 )
             })
