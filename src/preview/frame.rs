@@ -628,8 +628,7 @@ impl Cells {
     fn seen(map: &AnisoMap, fragments: &Fragments, mips: bool) -> Self {
         let mut cells = Self::default();
         for i in 0..fragments.len() {
-            let place = Place::of(map, fragments, i, mips);
-            let [across, down] = place.sides();
+            let [across, down] = Place::of(map, fragments, i, mips).map(|p| p.sides());
             if !(across.0 + across.1 + down.0 + down.1).is_finite() {
                 return Self::ALL;
             }
@@ -639,70 +638,63 @@ impl Cells {
     }
 }
 
-/// Where fetches for a fragment reach, in parts of the map from its left and its upper edge.
+/// Where fetches for a fragment reach along one side of the map, in parts of it from its left or its upper edge.
 struct Place {
-    middle: [f32; 2],
-    reach: [f32; 2],
-    repeats: [bool; 2],
+    middle: f32,
+    reach: f32,
+    repeats: bool,
 }
 
 impl Place {
+    /// Across and down.
+    // Written out twice: a closure over an array is not inlined everywhere, and this is asked of every fragment.
     #[inline(always)]
-    fn of(map: &AnisoMap, fragments: &Fragments, i: usize, mips: bool) -> Self {
+    fn of(map: &AnisoMap, fragments: &Fragments, i: usize, mips: bool) -> [Self; 2] {
         let size = Vec2::new(map.width() as f32, map.height() as f32);
         let uv = fragments.uv(i);
         let texels = if mips {
             let halved = map.width().is_power_of_two() && map.height().is_power_of_two();
-            reach(fragments.uv_change(i).map(|d| d * size), halved)
+            let [dx, dy] = fragments.uv_change(i);
+            reach([dx * size, dy * size], halved)
         } else {
             PLAIN_REACH
         };
-        let repeats = [map.wrap().repeats_u(), map.wrap().repeats_v()];
-        // As fetches take it: whole turns go first, and what is not finite is 0.
-        let held = |k: usize| {
-            let t = [uv.x, 1.0 - uv.y][k];
-            let t = if t.abs() < f32::INFINITY { t } else { 0.0 };
-            if repeats[k] {
-                t - t.floor()
-            } else {
-                t.clamp(0.0, 1.0)
-            }
-        };
+        let wrap = map.wrap();
+        [
+            Self::new(uv.x, texels / size.x, wrap.repeats_u()),
+            Self::new(1.0 - uv.y, texels / size.y, wrap.repeats_v()),
+        ]
+    }
+
+    /// As fetches take it: whole turns go first, and what is not finite is 0.
+    #[inline(always)]
+    fn new(t: f32, reach: f32, repeats: bool) -> Self {
+        let t = math::choose(t.abs() < f32::INFINITY, t, 0.0);
+        let turned = t - t.floor();
         Self {
-            middle: [held(0), held(1)],
-            reach: (texels / size).to_array(),
+            middle: math::choose(repeats, turned, t.clamp(0.0, 1.0)),
+            reach,
             repeats,
         }
     }
 
-    fn sides(&self) -> [(f32, f32); 2] {
-        [0, 1].map(|k| {
-            let (low, high) = (
-                self.middle[k] - self.reach[k],
-                self.middle[k] + self.reach[k],
-            );
-            if self.repeats[k] {
-                (low, high)
-            } else {
-                (low.clamp(0.0, 1.0), high.clamp(0.0, 1.0))
-            }
-        })
+    fn sides(&self) -> (f32, f32) {
+        let (low, high) = (self.middle - self.reach, self.middle + self.reach);
+        if self.repeats {
+            (low, high)
+        } else {
+            (low.clamp(0.0, 1.0), high.clamp(0.0, 1.0))
+        }
     }
 
-    /// Whether it reaches a rectangle of the map; NaN does.
+    /// Whether it reaches an interval; NaN does.
     #[inline(always)]
-    fn meets(&self, sides: [(f32, f32); 2]) -> bool {
-        (0..2).all(|k| {
-            let (low, high) = sides[k];
-            let away = self.middle[k] - 0.5 * (low + high);
-            let away = if self.repeats[k] {
-                away - math::round_fast(away)
-            } else {
-                away
-            };
-            let apart = away.abs() > 0.5 * (high - low) + self.reach[k];
-            !apart
-        })
+    fn meets(&self, (low, high): (f32, f32)) -> bool {
+        let away = self.middle - 0.5 * (low + high);
+        let turned = away - math::round_fast(away);
+        let away = math::choose(self.repeats, turned, away);
+        let apart = away.abs() > 0.5 * (high - low) + self.reach;
+        !apart
     }
 }
 
@@ -757,7 +749,9 @@ fn reaching(
     changed: &[[(f32, f32); 2]],
 ) -> Vec<bool> {
     let mut out = vec![false; fragments.len()];
-    dispatch!(math::level(), simd => mark(simd, (map, fragments), mips, changed, &mut out));
+    for sides in changed {
+        dispatch!(math::level(), simd => mark(simd, (map, fragments), mips, *sides, &mut out));
+    }
     out
 }
 
@@ -766,12 +760,14 @@ fn mark<S: Simd>(
     _: S,
     (map, fragments): (&AnisoMap, &Fragments),
     mips: bool,
-    changed: &[[(f32, f32); 2]],
+    changed: [(f32, f32); 2],
     out: &mut [bool],
 ) {
-    for (i, out) in out.iter_mut().enumerate() {
-        let place = Place::of(map, fragments, i, mips);
-        *out = changed.iter().any(|sides| place.meets(*sides));
+    // No index is out of range then, which whole vectors ask for.
+    let n = out.len().min(fragments.lanes().q.len());
+    for (i, out) in out[..n].iter_mut().enumerate() {
+        let [across, down] = Place::of(map, fragments, i, mips);
+        *out |= across.meets(changed[0]) & down.meets(changed[1]);
     }
 }
 

@@ -192,11 +192,12 @@ impl Fragments {
     /// Change of the texture coordinate to the right and downward. Rubbish where changes were not asked for.
     #[inline(always)]
     pub fn uv_change(&self, i: usize) -> [Vec2; 2] {
-        let uv = self.uv(i);
-        [0, 1].map(|k| {
-            let l = &self.lanes;
-            (two(&l.uv_change[k], i) - uv * l.q_change[k][i]) * self.inverse(i)
-        })
+        let (uv, inverse) = (self.uv(i), self.inverse(i));
+        let l = &self.lanes;
+        [
+            (two(&l.uv_change[0], i) - uv * l.q_change[0][i]) * inverse,
+            (two(&l.uv_change[1], i) - uv * l.q_change[1][i]) * inverse,
+        ]
     }
 
     /// Change of the unit normal to the right and downward, at right angles to it. Rubbish where changes were not asked for.
