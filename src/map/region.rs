@@ -389,7 +389,13 @@ impl<'a> RegionMut<'a> {
 
     /// Copies the texels that a region has as well.
     pub fn copy_from(&mut self, source: &Region) {
-        let Some(common) = self.rect.intersection(source.rect) else {
+        self.copy_part(source, self.rect);
+    }
+
+    /// The same in a rectangle alone.
+    pub fn copy_part(&mut self, source: &Region, part: Rect) {
+        let common = self.rect.intersection(source.rect);
+        let Some(common) = common.and_then(|c| c.intersection(part)) else {
             return;
         };
         let n = common.width as usize;

@@ -194,7 +194,8 @@ fn apply_rows<S: Simd>(
                 take(to, skip, &from[at..at + size]);
             }
             take(&mut texels.coverage, skip, &view.coverage[at..at + size]);
-            let stroke = (weight, lane(&cover.dx, place), lane(&cover.dy, place));
+            let (dx, dy) = cover.direction(place);
+            let stroke = (weight, dx, dy);
             if let Work::Toward { .. } = work {
                 let mut other = [[1.0; LANES]; 4];
                 let at = toward.rect.index(rect.x + (from - left) as u32, y);

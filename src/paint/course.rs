@@ -228,7 +228,7 @@ impl<V: Vector + Send + Sync> Course<V> {
 }
 
 /// A tile of which nothing is covered.
-static BLANK: LazyLock<Cover> = LazyLock::new(|| Cover::new(IVec2::ZERO));
+static BLANK: LazyLock<Cover> = LazyLock::new(|| Cover::new(IVec2::ZERO, false));
 
 impl Change {
     fn make<V: Vector>(
@@ -245,14 +245,14 @@ impl Change {
         if !self.done.is_empty() {
             let settled = self
                 .settled
-                .get_or_insert_with(|| Cover::new(origin(place)));
+                .get_or_insert_with(|| Cover::new(origin(place), follows));
             for (n, part, period) in &self.done {
                 on.add(settled, &done[*n as usize], *period, shape, (place, *part));
             }
         }
         if !self.tail.is_empty() {
             let room = self.room.take();
-            let mut shown = room.unwrap_or_else(|| Cover::new(origin(place)));
+            let mut shown = room.unwrap_or_else(|| Cover::new(origin(place), follows));
             match &self.settled {
                 Some(settled) => shown.copy_from(settled),
                 None => shown.clear(origin(place)),
@@ -271,7 +271,7 @@ impl Change {
         let stood = self.settled.as_ref().filter(|_| self.done.is_empty());
         let was = before.as_ref().or(stood).unwrap_or(&BLANK);
         let now = self.shown.as_ref().or(self.settled.as_ref());
-        let dirty = now.unwrap_or(&BLANK).difference(was, follows);
+        let dirty = now.unwrap_or(&BLANK).difference(was);
         self.dirty = dirty.map(|r| Rect {
             x: r.x + place.0 * TILE,
             y: r.y + place.1 * TILE,

@@ -65,6 +65,7 @@ pub(super) struct Cover {
     /// First column and row of the tile in the map.
     pub(super) origin: IVec2,
     pub(super) weight: Vec<f32>,
+    /// How deep a texel lies in the nearest piece, and the direction there; empty for tools to which it does not matter.
     pub(super) depth: Vec<f32>,
     pub(super) dx: Vec<f32>,
     pub(super) dy: Vec<f32>,
@@ -78,33 +79,52 @@ pub(super) const BEND: f32 = 0.01;
 const NO_SPAN: (u8, u8) = (u8::MAX, 0);
 
 impl Cover {
-    pub(super) fn new(origin: IVec2) -> Self {
-        let plane = || vec![0.0; SIDE * SIDE];
+    /// Nothing yet; of a tool that `follows` the stroke, with the direction.
+    pub(super) fn new(origin: IVec2, follows: bool) -> Self {
+        let plane = |is_there: bool| vec![0.0; if is_there { SIDE * SIDE } else { 0 }];
         Self {
             origin,
-            weight: plane(),
-            depth: plane(),
-            dx: plane(),
-            dy: plane(),
+            weight: plane(true),
+            depth: plane(follows),
+            dx: plane(follows),
+            dy: plane(follows),
             spans: [NO_SPAN; SIDE],
+        }
+    }
+
+    /// Whether directions are kept.
+    fn follows(&self) -> bool {
+        !self.depth.is_empty()
+    }
+
+    /// The direction of [`LANES`] texels, of no length where none is kept.
+    pub(super) fn direction(&self, place: usize) -> (&Lane, &Lane) {
+        const NONE: &Lane = &[0.0; LANES];
+        if self.follows() {
+            (lane(&self.dx, place), lane(&self.dy, place))
+        } else {
+            (NONE, NONE)
         }
     }
 
     /// Moves to another tile, where nothing is covered yet.
     pub(super) fn clear(&mut self, origin: IVec2) {
+        let follows = self.follows();
         self.origin = origin;
         for (row, span) in self.spans.iter_mut().enumerate() {
             let (from, to) = (usize::from(span.0) * LANES, usize::from(span.1) * LANES);
             if from < to {
                 let places = row * SIDE + from..row * SIDE + to;
                 self.weight[places.clone()].fill(0.0);
-                self.depth[places].fill(0.0);
+                if follows {
+                    self.depth[places].fill(0.0);
+                }
             }
             *span = NO_SPAN;
         }
     }
 
-    /// Takes over what another tile of the same place holds.
+    /// Takes over what another tile of the same place and tool holds.
     pub(super) fn copy_from(&mut self, other: &Self) {
         self.clear(other.origin);
         self.spans = other.spans;
@@ -113,9 +133,11 @@ impl Cover {
             if from < to {
                 let places = row * SIDE + from..row * SIDE + to;
                 self.weight[places.clone()].copy_from_slice(&other.weight[places.clone()]);
-                self.depth[places.clone()].copy_from_slice(&other.depth[places.clone()]);
-                self.dx[places.clone()].copy_from_slice(&other.dx[places.clone()]);
-                self.dy[places.clone()].copy_from_slice(&other.dy[places]);
+                if other.follows() {
+                    self.depth[places.clone()].copy_from_slice(&other.depth[places.clone()]);
+                    self.dx[places.clone()].copy_from_slice(&other.dx[places.clone()]);
+                    self.dy[places.clone()].copy_from_slice(&other.dy[places]);
+                }
             }
         }
     }
@@ -131,9 +153,10 @@ impl Cover {
         self.spans.iter().all(|s| *s == NO_SPAN)
     }
 
-    /// Where another tile differs from this one in what strokes make of it: in coverage, or in the direction
-    /// of what is covered where it matters. `None` where they are alike; told in whole lanes, counted inside the tile.
-    pub(super) fn difference(&self, other: &Self, follows: bool) -> Option<Rect> {
+    /// Where another tile differs from this one in what strokes make of it: in coverage, or in the direction of what is covered
+    /// where both keep it. `None` where they are alike; told in whole lanes, counted inside the tile.
+    pub(super) fn difference(&self, other: &Self) -> Option<Rect> {
+        let follows = self.follows() && other.follows();
         let (mut left, mut right) = (SIDE, 0);
         let (mut top, mut bottom) = (SIDE, 0);
         for row in 0..SIDE {
@@ -210,17 +233,17 @@ impl Grid {
         self.extent.y - (row as f32 + 0.5) * self.texel.y
     }
 
-    /// The texels whose centres may lie in a box; `None` outside the map.
+    /// The texels whose centres may lie in a box, which has a hundredth of a texel to spare for rounding; `None` outside the map.
     pub(super) fn cover(&self, low: Vec2, high: Vec2) -> Option<Rect> {
         let clamp = |x: f32, n: u32| (x.max(0.0) as u32).min(n);
-        let left = clamp((low.x / self.texel.x - 0.5).floor(), self.width);
-        let right = clamp((high.x / self.texel.x - 0.5).ceil() + 1.0, self.width);
+        let left = clamp((low.x / self.texel.x - 0.5).ceil(), self.width);
+        let right = clamp((high.x / self.texel.x + 0.5).floor(), self.width);
         let top = clamp(
-            ((self.extent.y - high.y) / self.texel.y - 0.5).floor(),
+            ((self.extent.y - high.y) / self.texel.y - 0.5).ceil(),
             self.height,
         );
         let bottom = clamp(
-            ((self.extent.y - low.y) / self.texel.y - 0.5).ceil() + 1.0,
+            ((self.extent.y - low.y) / self.texel.y + 0.5).floor(),
             self.height,
         );
         (right > left && bottom > top).then(|| Rect {
@@ -307,6 +330,7 @@ fn add_rows<S: Simd>(
     columns: (usize, usize),
     reach: f32,
 ) {
+    let follows = cover.follows();
     let per_lane = 1.0 / (grid.texel.x * LANES as f32);
     let origin = cover.origin.x as f32;
     for row in rect.y..rect.y + rect.height {
@@ -328,10 +352,15 @@ fn add_rows<S: Simd>(
         for lane in from..to {
             let place = j * SIDE + lane * LANES;
             let x = (cover.origin.x + (lane * LANES) as i32) as f32 + 0.5;
+            let at = (x, grid.texel.x, qy);
+            if !follows {
+                add_weight(stamp, shape, at, lane_mut(&mut cover.weight, place));
+                continue;
+            }
             add_lane(
                 stamp,
                 shape,
-                (x, grid.texel.x, qy),
+                at,
                 lane_mut(&mut cover.weight, place),
                 lane_mut(&mut cover.depth, place),
                 lane_mut(&mut cover.dx, place),
@@ -365,24 +394,40 @@ pub(super) fn lane(plane: &[f32], place: usize) -> &Lane {
         .expect("a lane's length")
 }
 
+/// What a piece covers of the `i`th texel of a lane, how deep that lies, and where it is from the piece's first end.
+#[inline(always)]
+fn covered(p: &Stamp, shape: &Shape, (x, texel, qy): (f32, f32, f32), i: usize) -> (f32, f32, f32) {
+    let qx = (x + i as i32 as f32) * texel - p.a.x;
+    let t = ((qx * p.d.x + qy * p.d.y) * p.inverse).clamp(0.0, 1.0);
+    let (ex, ey) = (qx - p.d.x * t, qy - p.d.y * t);
+    let distance = (ex * ex + ey * ey).sqrt();
+    let radius = p.radius[0] + p.radius[1] * t;
+    let (coverage, deep) = shape.at(distance, radius, shape.texel);
+    (coverage * (p.flow[0] + p.flow[1] * t), deep, qx)
+}
+
+/// [`add_lane`] without the direction.
+#[inline(always)]
+fn add_weight(p: &Stamp, shape: &Shape, at: (f32, f32, f32), weight: &mut Lane) {
+    for (i, weight) in weight.iter_mut().enumerate() {
+        let (w, _, _) = covered(p, shape, at, i);
+        *weight = if w > *weight { w } else { *weight };
+    }
+}
+
 #[inline(always)]
 fn add_lane(
     p: &Stamp,
     shape: &Shape,
-    (x, texel, qy): (f32, f32, f32),
+    at: (f32, f32, f32),
     weight: &mut Lane,
     depth: &mut Lane,
     dx: &mut Lane,
     dy: &mut Lane,
 ) {
+    let (_, _, qy) = at;
     for i in 0..LANES {
-        let qx = (x + i as i32 as f32) * texel - p.a.x;
-        let t = ((qx * p.d.x + qy * p.d.y) * p.inverse).clamp(0.0, 1.0);
-        let (ex, ey) = (qx - p.d.x * t, qy - p.d.y * t);
-        let distance = (ex * ex + ey * ey).sqrt();
-        let radius = p.radius[0] + p.radius[1] * t;
-        let (coverage, deep) = shape.at(distance, radius, shape.texel);
-        let w = coverage * (p.flow[0] + p.flow[1] * t);
+        let (w, deep, qx) = covered(p, shape, at, i);
         // The part of the way for the direction is told between the lines that halve the bends at both ends: so it goes on
         // evenly from piece to piece, inside a bend as outside.
         let before = qx * p.bends[0].x + qy * p.bends[0].y;

@@ -241,24 +241,31 @@ impl Live {
         (reach > 0.0).then(|| Kernel::new(reach, &self.ground))
     }
 
-    /// The texels of `now`'s rectangle with the stroke so far over those of `before`, which holds [`Live::needs`] of it. `below`
-    /// is what lies below the layer, and holds it too. `coverage` is that of `now`'s rectangle before the stroke, and becomes that
-    /// with it.
+    /// The texels of `rect`, which lies in `now`, with the stroke so far over those of `before`, which holds [`Live::needs`] of it.
+    /// `below` is what lies below the layer, and holds `rect` too. `coverage` belongs to `now`: in `rect` it is that before the
+    /// stroke, and becomes that with it. All else stays.
     ///
     /// # Panics
     /// When a region does not hold what it must, or coverage is of another length.
-    pub fn apply(&self, before: &Region, below: &Region, now: &mut Region, coverage: &mut [f32]) {
-        let rect = now.rect();
+    pub fn apply(
+        &self,
+        before: &Region,
+        below: &Region,
+        rect: Rect,
+        (now, coverage): (&mut Region, &mut [f32]),
+    ) {
         let needs = self.needs(rect);
+        let holds = |region: &Region, rect: Rect| region.rect().intersection(rect) == Some(rect);
         assert!(
-            before.rect().intersection(needs) == Some(needs)
-                && below.rect().intersection(rect) == Some(rect)
-                && coverage.len() == rect.texels(),
-            "{:?} and {:?} must hold {needs:?} and {rect:?}",
+            holds(before, needs) && holds(below, rect) && holds(now, rect),
+            "{:?}, {:?} and {:?} must hold {needs:?}, {rect:?} and {rect:?}",
             before.rect(),
-            below.rect()
+            below.rect(),
+            now.rect()
         );
-        now.copy_from(before);
+        let all = now.rect().texels();
+        assert_eq!(coverage.len(), all, "a number for each texel");
+        now.view_mut().copy_part(before, rect);
         let mean = self.kernel().map(|kernel| match &self.path {
             Path::Uv { .. } => kernel.mean(rect, &Planes::of(before)),
             Path::Mesh { skin, .. } => {
@@ -290,7 +297,7 @@ impl Live {
     /// What a tool that works everywhere covers of any tile, once it has begun.
     fn everywhere(&self) -> Option<Cover> {
         (self.brush.tool.is_everywhere() && !self.is_empty()).then(|| {
-            let mut cover = Cover::new(IVec2::ZERO);
+            let mut cover = Cover::new(IVec2::ZERO, false);
             cover.fill(self.brush.flow);
             cover
         })

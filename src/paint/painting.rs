@@ -388,7 +388,7 @@ impl Painting {
         let ground = Region::constant(rect, DEFAULT_TEXEL);
         let mut now = ground.clone();
         let mut view = View::of(&mut now, &ground, coverage);
-        let mut covered = Cover::new(IVec2::ZERO);
+        let mut covered = Cover::new(IVec2::ZERO, true);
         for tile in self.tiles_of(rect) {
             let Some(part) = self.rect_of(tile).intersection(rect) else {
                 continue;
@@ -416,12 +416,13 @@ impl Painting {
         };
         let bands = view.bands(rect);
         if bands.len() == 1 {
-            let mut cover = Cover::new(IVec2::ZERO);
+            let mut cover = Cover::new(IVec2::ZERO, true);
             bands.into_iter().for_each(|b| work(b, &mut cover));
         } else {
-            bands
-                .into_par_iter()
-                .for_each_init(|| Cover::new(IVec2::ZERO), |cover, band| work(band, cover));
+            bands.into_par_iter().for_each_init(
+                || Cover::new(IVec2::ZERO, true),
+                |cover, band| work(band, cover),
+            );
         }
     }
 
@@ -502,7 +503,7 @@ impl Painting {
             Some(skin) => kernel.mean_apart(touched, &now, |rect| skin.charts(rect)),
             None => kernel.mean(touched, &now),
         };
-        let mut cover = Cover::new(IVec2::ZERO);
+        let mut cover = Cover::new(IVec2::ZERO, true);
         for tile in self.tiles_of(touched) {
             let (Some(part), entries) =
                 (self.rect_of(tile).intersection(touched), &self.tiles[tile])

@@ -269,6 +269,9 @@ impl Cover {
         let span = &mut self.spans[row];
         *span = (span.0.min(lane), span.1.max(lane + 1));
         self.weight[place] = self.weight[place].max(weight);
+        if self.depth.is_empty() {
+            return;
+        }
         let old = (self.depth[place], self.dx[place], self.dy[place]);
         let key = |x: f32, y: f32| [x.abs(), y.abs(), x * y];
         if near > old.0 || near == old.0 && key(x, y) > key(old.1, old.2) {

@@ -193,18 +193,15 @@ proptest! {
             // What is ahead counts for as long as nothing else is.
             let ahead = &points[i + 1..points.len().min(i + 1 + i % 4)];
             for dirty in live.go_on(&[*point], ahead) {
-                let mut part = Region::constant(dirty, DEFAULT_TEXEL);
-                let mut covered = vec![0.0; dirty.texels()];
-                live.apply(&below.region(live.needs(dirty)), &under, &mut part, &mut covered);
-                now.copy_from(&part);
                 for y in dirty.y..dirty.y + dirty.height {
-                    let (to, from, n) = (rect.index(dirty.x, y), dirty.index(dirty.x, y), dirty.width as usize);
-                    coverage[to..to + n].copy_from_slice(&covered[from..from + n]);
+                    let (at, n) = (rect.index(dirty.x, y), dirty.width as usize);
+                    coverage[at..at + n].fill(0.0);
                 }
+                live.apply(&below.region(live.needs(dirty)), &under, dirty, (&mut now, &mut coverage));
             }
             // What lies outside the dirty rectangles is right as well.
             let mut anew = Region::constant(rect, DEFAULT_TEXEL);
-            live.apply(&under, &under, &mut anew, &mut vec![0.0; rect.texels()]);
+            live.apply(&under, &under, rect, (&mut anew, &mut vec![0.0; rect.texels()]));
             prop_assert!(anew == now);
         }
         let (want, covered) = whole(&surface, std::slice::from_ref(&one), &below);
@@ -1281,18 +1278,12 @@ mod on_mesh {
                     let end = points.len().min(n + 1 + n % 3);
                     let ahead: Vec<_> = (n + 1..end).map(|i| points.get(i)).collect();
                     for dirty in live.go_on_mesh(&[(position, normal, pressure)], &ahead) {
-                        let mut part = Region::constant(dirty, DEFAULT_TEXEL);
-                        let mut c: Vec<f32> = (dirty.y..dirty.y + dirty.height)
-                            .flat_map(|y| (dirty.x..dirty.x + dirty.width).map(move |x| (x, y)))
-                            .map(|(x, y)| before.1[rect.index(x, y)])
-                            .collect();
-                        live.apply(&before.0, &under, &mut part, &mut c);
-                        now.copy_from(&part);
                         for y in dirty.y..dirty.y + dirty.height {
-                            for x in dirty.x..dirty.x + dirty.width {
-                                covered[rect.index(x, y)] = c[dirty.index(x, y)];
-                            }
+                            let start = rect.index(dirty.x, y);
+                            let row = start..start + dirty.width as usize;
+                            covered[row.clone()].copy_from_slice(&before.1[row]);
                         }
+                        live.apply(&before.0, &under, dirty, (&mut now, &mut covered));
                     }
                 }
                 if let Some(finished) = live.finish() {

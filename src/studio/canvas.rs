@@ -691,19 +691,15 @@ impl Active {
         let needs = live.needs(part);
         let around = (needs != part).then(|| self.read(needs).0);
         let before = around.as_ref().or(stood.map(|t| &t.now)).unwrap_or(below);
-        let mut coverage = match stood {
-            Some(stood) => crop_plane((whole, &stood.coverage), part),
-            None => vec![self.start(); part.texels()],
-        };
-        if part == whole {
-            live.apply(before, below, &mut tile.now, &mut coverage);
-            tile.coverage = coverage;
-        } else {
-            let mut now = before.crop(part);
-            live.apply(before, below, &mut now, &mut coverage);
-            tile.now.copy_from(&now);
-            copy_plane((whole, &mut tile.coverage), (part, &coverage));
+        for y in part.y..part.y + part.height {
+            let start = whole.index(part.x, y);
+            let row = start..start + part.width as usize;
+            match stood {
+                Some(stood) => tile.coverage[row.clone()].copy_from_slice(&stood.coverage[row]),
+                None => tile.coverage[row].fill(self.start()),
+            }
         }
+        live.apply(before, below, part, (&mut tile.now, &mut tile.coverage));
         tile
     }
 
