@@ -301,6 +301,13 @@ pub fn companions(path: &Path) -> Result<Vec<PathBuf>> {
     }
 }
 
+/// Where exporters put the buffers of a `.gltf`: the file of the same name that ends in `.bin`. `None` for other files. Told by
+/// the name alone, so that it may be asked as often as one likes; [`companions`] reads what the file itself says.
+pub fn buffers_beside(path: &Path) -> Option<PathBuf> {
+    let is_gltf = path.extension()?.eq_ignore_ascii_case("gltf");
+    is_gltf.then(|| path.with_extension("bin"))
+}
+
 /// A kind of file.
 enum Format {
     Gltf,

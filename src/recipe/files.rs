@@ -77,9 +77,12 @@ impl Files {
         Stamp::of(&self.resolve("file", name).ok()?)
     }
 
-    /// The same of the file that a word for a mesh means; `None` for a built-in one, too.
+    /// The same of the file that a word for a mesh means, with its buffers ([`mesh::buffers_beside`]); `None` for a built-in one,
+    /// too.
     pub fn stamp_of_mesh(&self, word: &str) -> Option<Stamp> {
-        self.stamp(file_of_mesh(word)?)
+        let path = self.resolve("mesh", file_of_mesh(word)?).ok()?;
+        let buffers = mesh::buffers_beside(&path).and_then(|path| Stamp::of(&path));
+        Stamp::of(&path).map(|stamp| stamp.with(buffers))
     }
 }
 

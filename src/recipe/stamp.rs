@@ -19,6 +19,14 @@ impl Stamp {
         Self::told(&std::fs::metadata(path).ok()?)
     }
 
+    /// That of a file and one that belongs to it.
+    pub(super) fn with(self, other: Option<Self>) -> Self {
+        other.map_or(self, |other| Self {
+            nanoseconds: self.nanoseconds.max(other.nanoseconds),
+            bytes: self.bytes.saturating_add(other.bytes),
+        })
+    }
+
     pub(super) fn told(about: &Metadata) -> Option<Self> {
         let modified = about.modified().ok()?;
         let nanoseconds = match modified.duration_since(UNIX_EPOCH) {

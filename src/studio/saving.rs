@@ -4,6 +4,7 @@ use super::document::{Brought, folder_of};
 use super::{Document, Edit, History, LeftBehind, Options, Step, Studio};
 use crate::error::{Error, Result};
 use crate::export::laid::{Copies, bring};
+use crate::mesh;
 use crate::recipe::{Files, RecipeFile, Way};
 use std::path::{Path, PathBuf};
 
@@ -110,6 +111,9 @@ impl Studio {
         let names = self.recipe().files();
         let allowed = names.filter(|name| !files.is_outside(name));
         let mut paths: Vec<PathBuf> = allowed.map(|name| folder.join(name)).collect();
+        let buffers = paths.iter().filter_map(|path| mesh::buffers_beside(path));
+        let buffers: Vec<PathBuf> = buffers.filter(|path| path.exists()).collect();
+        paths.extend(buffers);
         paths.sort_unstable();
         paths.dedup();
         paths

@@ -150,6 +150,43 @@ fn files_that_other_programs_write_anew_are_read_anew() {
 }
 
 #[test]
+fn buffers_of_a_mesh_that_are_written_anew_are_read_anew() {
+    const TRIANGLE: &str = r#"{"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}}]}],
+        "buffers": [{"uri": "part.bin", "byteLength": 60}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [9, 9, 9]},
+            {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"}]}"#;
+    let (folder, path) = folder();
+    let buffers = folder.path().join("part.bin");
+    let write = |width: f32| {
+        let numbers = [0.0, 0.0, 0.0, width, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let uvs = [0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
+        let bytes = numbers
+            .iter()
+            .chain(&uvs)
+            .flat_map(|n: &f32| n.to_le_bytes());
+        std::fs::write(&buffers, bytes.collect::<Vec<u8>>()).unwrap();
+    };
+    write(1.0);
+    std::fs::write(folder.path().join("part.gltf"), TRIANGLE).unwrap();
+    let mut studio = opened(&path);
+    studio.replace_file("square.obj", "part.gltf").unwrap();
+    studio.settle();
+    assert!(studio.files_to_watch().contains(&buffers));
+    let width = |studio: &Studio| studio.mesh().positions[1].x - studio.mesh().positions[0].x;
+    let before = width(&studio);
+    assert!(before > 0.0 && studio.take_trouble().is_empty());
+    // Times are told in steps of some milliseconds.
+    std::thread::sleep(Duration::from_millis(30));
+    write(2.0);
+    studio.read_files_again();
+    studio.settle();
+    assert_eq!(width(&studio), 2.0 * before);
+}
+
+#[test]
 fn what_lies_outside_the_folder_is_read_once_that_is_allowed() {
     let (folder, path) = folder();
     let inner = folder.path().join("inner");
