@@ -13,6 +13,7 @@ use super::keys;
 use super::layers::LayersPanel;
 use super::properties::PropertiesPanel;
 use super::theme;
+use super::turns::Turns;
 use super::viewport::ViewportPane;
 use super::watch::{Watch, WatchAll};
 use super::work::Work;
@@ -59,6 +60,7 @@ pub(crate) struct App {
     after_saving: Option<Then>,
     /// The name of a file that another one is chosen for.
     finding: Option<String>,
+    pub(crate) turns: Turns,
 }
 
 /// Opens the window with a recipe, or with the scene of the first start, and shows it until it is closed.
@@ -179,6 +181,7 @@ impl App {
             to_reload: false,
             after_saving: None,
             finding: None,
+            turns: Turns::default(),
         })
     }
 
@@ -250,7 +253,7 @@ impl App {
         self.ask_before_closing(&ctx);
         self.remember_size(&ctx);
         self.tell_title(&ctx);
-        if self.desk.redraw != Redraw::Nothing {
+        if self.desk.redraw != Redraw::Nothing || self.turns.waits() {
             ctx.request_repaint();
         }
     }
@@ -305,6 +308,10 @@ impl App {
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         self.frame(ui);
+    }
+
+    fn raw_input_hook(&mut self, _ctx: &Context, input: &mut egui::RawInput) {
+        self.turns.take(&mut input.events);
     }
 
     fn on_exit(&mut self, _gl: Option<&eframe::glow::Context>) {

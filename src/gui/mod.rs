@@ -23,6 +23,7 @@ mod status;
 mod tests;
 mod theme;
 mod tools;
+mod turns;
 mod viewport;
 mod watch;
 mod widgets;

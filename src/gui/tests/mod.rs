@@ -237,6 +237,49 @@ fn a_stroke_that_lies_within_one_slow_frame_is_painted_whole() {
 }
 
 #[test]
+fn keys_between_strokes_of_one_slow_frame_are_obeyed_in_their_turn() {
+    let (mut window, _folder) = window();
+    let rect = window.get_by_label("Paint canvas").rect();
+    let mut events = Vec::new();
+    let button = |pos, pressed| Event::PointerButton {
+        pos,
+        button: eframe::egui::PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    for n in 0..3 {
+        let at = |t: f32| rect.lerp_inside(vec2(0.35 + 0.3 * t, 0.4 + 0.1 * n as f32));
+        events.extend([Event::PointerMoved(at(0.0)), button(at(0.0), true)]);
+        events.extend((1..=4).map(|i| Event::PointerMoved(at(0.25 * i as f32))));
+        events.push(button(at(1.0), false));
+        events.extend([true, false].map(|pressed| Event::Key {
+            key: Key::CloseBracket,
+            physical_key: None,
+            pressed,
+            repeat: false,
+            modifiers: Modifiers::NONE,
+        }));
+    }
+    let mut turns = 0;
+    while turns == 0 || window.state().turns.waits() {
+        window.state_mut().turns.take(&mut events);
+        window.input_mut().events = std::mem::take(&mut events);
+        window.step();
+        turns += 1;
+    }
+    land(&mut window);
+    let Source::Strokes(all) = &window.state().desk.studio.recipe().layers[1].source else {
+        panic!()
+    };
+    let radii: Vec<f32> = all.strokes.iter().map(|s| s.brush().radius).collect();
+    assert_eq!(radii.len(), 3, "{turns} turns: {radii:?}");
+    assert!(
+        radii.is_sorted_by(|a, b| a < b),
+        "each is larger: {radii:?}"
+    );
+}
+
+#[test]
 fn a_straight_drag_in_whole_pixels_lays_one_direction() {
     for place in ["Paint canvas", "3D view"] {
         let folder = tempfile::tempdir().unwrap();
