@@ -72,17 +72,17 @@ impl Files {
         !self.allow_outside && (leaves_folder(name) || leads_out().unwrap_or(false))
     }
 
-    /// By what a file that the recipe names is known to be as it was; `None` when it is not there, or may not be named.
+    /// By what a file that the recipe names is known to be as it was, a `.gltf` with its buffers ([`mesh::buffers_beside`]); `None`
+    /// when it is not there, or may not be named.
     pub fn stamp(&self, name: &str) -> Option<Stamp> {
-        Stamp::of(&self.resolve("file", name).ok()?)
-    }
-
-    /// The same of the file that a word for a mesh means, with its buffers ([`mesh::buffers_beside`]); `None` for a built-in one,
-    /// too.
-    pub fn stamp_of_mesh(&self, word: &str) -> Option<Stamp> {
-        let path = self.resolve("mesh", file_of_mesh(word)?).ok()?;
+        let path = self.resolve("file", name).ok()?;
         let buffers = mesh::buffers_beside(&path).and_then(|path| Stamp::of(&path));
         Stamp::of(&path).map(|stamp| stamp.with(buffers))
+    }
+
+    /// The same of the file that a word for a mesh means; `None` for a built-in one, too.
+    pub fn stamp_of_mesh(&self, word: &str) -> Option<Stamp> {
+        self.stamp(file_of_mesh(word)?)
     }
 }
 

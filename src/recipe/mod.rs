@@ -6,6 +6,7 @@
 //!
 //! [`RecipeFile`] reads, overrides and writes the text; [`Recipe::prepare`] and [`Prepared::fill`] make the map.
 
+mod blend;
 mod evaluate;
 mod file;
 mod files;
@@ -13,13 +14,14 @@ mod image;
 mod layer;
 mod left_out;
 mod locate;
+mod prepare;
 mod presets;
 mod shelf;
 mod stamp;
 mod stored;
 mod update;
 
-pub use evaluate::{Above, Prepared, Unmasked};
+pub use evaluate::{Above, Unmasked};
 pub(crate) use file::{BYTES_MAX, name_from};
 pub use file::{RecipeFile, read_toml};
 pub use files::{Files, seen_from};
@@ -27,6 +29,7 @@ pub(crate) use files::{Way, file_of_mesh, is_path, rename_files, rename_mesh};
 pub use image::Image;
 pub use layer::{Blend, Channels, Layer, Mask, MaskSource, Source};
 pub use left_out::LeftOut;
+pub use prepare::Prepared;
 pub use presets::{PRESETS, Preset, open, preset};
 pub use stamp::Stamp;
 pub use stored::{Radius, Stored};
