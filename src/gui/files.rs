@@ -147,10 +147,7 @@ impl FileDialog {
         let mut answer = Answer::None;
         if self.purpose == Purpose::Open && !desk.settings.recent.is_empty() {
             super::widgets::caption(ui, "Recent");
-            for path in desk.settings.recent.iter().filter(|p| p.exists()).take(6) {
-                let name = path
-                    .file_name()
-                    .map_or(String::new(), |n| n.to_string_lossy().into_owned());
+            for (path, name) in recent(desk).into_iter().take(6) {
                 if ui
                     .selectable_label(false, name)
                     .on_hover_text(path.display().to_string())
@@ -396,4 +393,36 @@ fn entries(folder: &Path, endings: &[&str]) -> Vec<Entry> {
         .collect();
     entries.sort_by_key(|e| (!e.is_folder, e.name.to_lowercase()));
     entries
+}
+/// The files of late that are there, each with its name, and its folder's where another one is called so too.
+pub(crate) fn recent(desk: &Desk) -> Vec<(&PathBuf, String)> {
+    told_apart(desk.settings.recent.iter().filter(|p| p.exists()).collect())
+}
+
+fn told_apart(paths: Vec<&PathBuf>) -> Vec<(&PathBuf, String)> {
+    let name = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    };
+    let names: Vec<String> = paths.iter().map(|path| name(path)).collect();
+    let alike = |name: &String| names.iter().filter(|n| *n == name).count() > 1;
+    let told = |(path, name): (&&PathBuf, &String)| match path.parent() {
+        Some(folder) if alike(name) => format!("{name} in {}", folder.display()),
+        _ => name.clone(),
+    };
+    let told: Vec<String> = paths.iter().zip(&names).map(told).collect();
+    paths.into_iter().zip(told).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_one_name_are_told_apart_by_their_folders() {
+        let paths = ["/a/pot.toml", "/b/pot.toml", "/b/lid.toml"].map(PathBuf::from);
+        let told = told_apart(paths.iter().collect());
+        let names: Vec<&str> = told.iter().map(|(_, name)| name.as_str()).collect();
+        assert_eq!(names, ["pot.toml in /a", "pot.toml in /b", "lid.toml"]);
+    }
 }

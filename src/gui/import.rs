@@ -367,7 +367,10 @@ impl ImportDialog {
             })
             .response
             .accessible_name("Convention");
-        let about = now.map_or("Neither of those that have a name.", |n| n.about);
+        let about = now.map_or(
+            "None of the conventions that have a name: the rows below say what the textures mean.",
+            |n| n.about,
+        );
         ui.add(egui::Label::new(RichText::new(about).color(Palette::of(ui).weak)).wrap());
     }
 

@@ -3,6 +3,7 @@
 use super::App;
 use crate::gui::canvas::Kind;
 use crate::gui::desk::{Desk, Panes};
+use crate::gui::files::recent;
 use crate::gui::icons::Icon;
 use crate::gui::layers::{list_height, menu_item};
 use crate::gui::theme::{self, Palette};
@@ -248,11 +249,10 @@ impl App {
 /// The files of late; gives the one that was chosen.
 fn recent_menu(ui: &mut Ui, desk: &Desk) -> Option<PathBuf> {
     let mut chosen = None;
-    let recent: Vec<&PathBuf> = desk.settings.recent.iter().filter(|p| p.exists()).collect();
+    let recent = recent(desk);
     ui.add_enabled_ui(!recent.is_empty(), |ui| {
         ui.menu_button("Open recent", |ui| {
-            for path in recent {
-                let name = path.file_name().unwrap_or_default().to_string_lossy();
+            for (path, name) in recent {
                 let button = ui.button(name);
                 if button.on_hover_text(path.display().to_string()).clicked() {
                     chosen = Some(path.clone());
