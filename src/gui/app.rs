@@ -276,6 +276,12 @@ impl App {
         self.may_close
     }
 
+    /// Whether what a document needs is being copied before it is saved.
+    #[cfg(test)]
+    pub(crate) fn is_saving(&self) -> bool {
+        self.saving.is_some()
+    }
+
     /// The next window is as large as this one.
     fn remember_size(&mut self, ctx: &Context) {
         let (size, large) = ctx.input(|i| {

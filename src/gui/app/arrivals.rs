@@ -40,7 +40,7 @@ impl App {
     }
 
     /// A mesh or a map from a file. It lies beside the recipe from then on: a recipe without a file is saved first.
-    pub(super) fn take_in(&mut self, ctx: &Context, part: Part, path: &Path) {
+    pub(crate) fn take_in(&mut self, ctx: &Context, part: Part, path: &Path) {
         self.take_in_if(ctx, part, path, false);
     }
 

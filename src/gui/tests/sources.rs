@@ -2,6 +2,8 @@
 
 use super::*;
 use crate::gui::desk::Wanted;
+use crate::gui::intake::Part;
+use std::path::PathBuf;
 
 const TEXTURED: &str = "version = 1
 size = 64
@@ -186,6 +188,56 @@ fn a_document_saved_elsewhere_takes_its_files_along() {
     assert!(to.join("r.png").is_file());
     let file = RecipeFile::read(to.join("b.toml")).unwrap();
     assert!(!file.names_outside());
+}
+
+/// Saves into another folder, where the texture has to be copied first.
+fn begin_saving(window: &mut Window, folder: &Path) -> PathBuf {
+    let to = folder.join("elsewhere");
+    std::fs::create_dir(&to).unwrap();
+    stroke(window, (0.35, 0.5), (0.65, 0.6));
+    let ctx = window.ctx.clone();
+    window.state_mut().save(&ctx, &to.join("b.toml"));
+    assert!(window.state().is_saving());
+    to
+}
+
+#[test]
+fn closing_while_a_document_is_saved_waits_for_that() {
+    let (mut window, folder) = opened(TEXTURED);
+    let to = begin_saving(&mut window, folder.path());
+    press(&mut window, "Ctrl+Q");
+    wait(&mut window, |w| w.state().is_closing());
+    assert!(window.state().dialog.is_none(), "nothing is left to ask");
+    assert!(to.join("r.png").is_file());
+    assert_eq!(
+        RecipeFile::read(to.join("b.toml")).unwrap().recipe(),
+        window.state().desk.studio.recipe()
+    );
+}
+
+#[test]
+fn a_file_that_comes_in_while_a_document_is_saved_lies_beside_it_or_is_told_of() {
+    let (mut window, folder) = opened(TEXTURED);
+    let mesh = tempfile::tempdir().unwrap();
+    let mesh = mesh.path().join("part.obj");
+    std::fs::write(
+        &mesh,
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+    )
+    .unwrap();
+    let to = begin_saving(&mut window, folder.path());
+    let ctx = window.ctx.clone();
+    window.state_mut().take_in(&ctx, Part::Mesh, &mesh);
+    wait(&mut window, |w| {
+        !w.state().is_saving() && !w.state().is_reading()
+    });
+    let state = window.state();
+    let told = state.desk.messages.texts().join("\n");
+    match state.desk.studio.recipe().mesh.as_deref() {
+        Some(name) => assert!(to.join(name).is_file(), "{name} {told}"),
+        None => assert!(told.contains("take it in once more"), "{told}"),
+    }
+    assert!(to.join("b.toml").is_file() && to.join("r.png").is_file());
 }
 
 #[test]
