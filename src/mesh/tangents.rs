@@ -79,13 +79,16 @@ pub(super) fn generate(mesh: &mut Mesh) -> Result<(), String> {
 }
 
 fn check_points(mesh: &Mesh) -> Result<(), String> {
-    let mut counts: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.positions.len());
+    let mut of_vertex = vec![0u32; mesh.positions.len()];
     for index in mesh.triangles.as_flattened() {
-        let place = mesh.positions[*index as usize];
-        let count = counts
+        of_vertex[*index as usize] += 1;
+    }
+    let mut of_place: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.positions.len());
+    for (place, corners) in mesh.positions.iter().zip(of_vertex) {
+        let count = of_place
             .entry(place.to_array().map(|x| (x + 0.0).to_bits()))
             .or_default();
-        *count += 1;
+        *count += corners;
         if *count > MAX_TRIANGLES_AT_A_POINT {
             return Err(format!(
                 "more than {MAX_TRIANGLES_AT_A_POINT} triangles meet at {place}, too many to make tangents there"
@@ -97,27 +100,31 @@ fn check_points(mesh: &Mesh) -> Result<(), String> {
 
 /// Writes corner tangents to the vertices; a vertex with more than one tangent is copied for each further one.
 fn split(mesh: &mut Mesh, tangents: &[[Vec4; 3]]) {
-    let mut copies: HashMap<(u32, [u32; 4]), u32> = HashMap::with_capacity(mesh.positions.len());
+    const NONE: u32 = u32::MAX;
+    let bits = |tangent: Vec4| tangent.to_array().map(f32::to_bits);
     let mut taken = vec![false; mesh.positions.len()];
+    // The next copy of each vertex.
+    let mut next = vec![NONE; mesh.positions.len()];
     mesh.tangents = vec![Vec4::new(0.0, 0.0, 0.0, 1.0); mesh.positions.len()];
     for (t, tangents) in tangents.iter().enumerate() {
         for (k, &tangent) in tangents.iter().enumerate() {
-            let vertex = mesh.triangles[t][k];
-            let key = (vertex, tangent.to_array().map(f32::to_bits));
-            let copy = *copies.entry(key).or_insert_with(|| {
-                if std::mem::replace(&mut taken[vertex as usize], true) {
-                    let i = vertex as usize;
-                    mesh.positions.push(mesh.positions[i]);
-                    mesh.normals.push(mesh.normals[i]);
-                    mesh.uvs.push(mesh.uvs[i]);
+            let mut at = mesh.triangles[t][k] as usize;
+            if !std::mem::replace(&mut taken[at], true) {
+                mesh.tangents[at] = tangent;
+                continue;
+            }
+            while bits(mesh.tangents[at]) != bits(tangent) {
+                if next[at] == NONE {
+                    next[at] = mesh.positions.len() as u32;
+                    next.push(NONE);
+                    mesh.positions.push(mesh.positions[at]);
+                    mesh.normals.push(mesh.normals[at]);
+                    mesh.uvs.push(mesh.uvs[at]);
                     mesh.tangents.push(tangent);
-                    mesh.positions.len() as u32 - 1
-                } else {
-                    mesh.tangents[vertex as usize] = tangent;
-                    vertex
                 }
-            });
-            mesh.triangles[t][k] = copy;
+                at = next[at] as usize;
+            }
+            mesh.triangles[t][k] = at as u32;
         }
     }
 }
