@@ -16,7 +16,7 @@ use super::prepared::{Prepared, cull};
 use super::shade::{Desk, Lines};
 use super::{Look, Material, Picture, Quality, SAMPLES_MAX, Scene, Stage, Timings, sample_grid};
 use crate::error::Result;
-use crate::map::{AnisoMap, Rect, Size, gathered};
+use crate::map::{AnisoMap, Rect, Size, Wrap, gathered};
 use crate::math;
 use crate::progress::Progress;
 use crate::raster::{Corners, Cull, Fragments, Plan, Tile, View};
@@ -380,7 +380,9 @@ impl Job<'_> {
         until: Option<Instant>,
     ) -> Result<(usize, Vec<Rect>)> {
         let (map, mips) = (self.subject.map(), self.scene.quality.mips);
-        let reaches = kept.reaches.take().filter(|r| r.mips == mips);
+        let of_map = (map.size(), map.wrap());
+        let reaches = kept.reaches.take();
+        let reaches = reaches.filter(|r| r.mips == mips && r.of_map == of_map);
         let reaches = match reaches {
             Some(reaches) => reaches,
             None => self.reaches(kept, picture.size())?,
@@ -535,6 +537,7 @@ impl Job<'_> {
             tiles,
             outline: Vec::new(),
             mips: scene.quality.mips,
+            of_map: (subject.map().size(), subject.map().wrap()),
             width: size.width() as usize,
             of_outline: Vec::new(),
         };
@@ -568,6 +571,8 @@ struct Reaches {
     outline: Vec<Cells>,
     /// Whether footprints are averaged: then fetches reach farther.
     mips: bool,
+    /// The size of the map, and what lies past its edges.
+    of_map: (Size, Wrap),
     /// The pixels that the outline shows, in rows of `width`; none without an outline.
     of_outline: Vec<bool>,
     width: usize,

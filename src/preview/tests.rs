@@ -1,6 +1,7 @@
 use super::prepared::{BAND_SAMPLES, bands};
 use super::*;
 use crate::brdf::Model;
+use crate::filter::Pyramid;
 use crate::map::{Rect, Texel, Wrap};
 use crate::math::Axis;
 use crate::raster::{Camera, Projection, TILE};
@@ -674,6 +675,43 @@ fn a_frame_does_no_more_than_what_changed_and_is_always_the_whole_picture() {
     let cancelled = frame.draw(&other, &studio.scene, WARD, &off, &Progress::new(&stop));
     assert!(matches!(cancelled, Err(Error::Cancelled)));
     assert_eq!(studio.check(&mut frame, &other, WARD), Redrawn::Light);
+}
+
+#[test]
+fn a_map_of_another_size_or_wrap_is_seen_elsewhere() {
+    let mut studio = Studio::new();
+    for uv in &mut studio.mesh.uvs {
+        *uv = *uv * 3.0 - 1.0;
+    }
+    let mesh = studio.mesh.clone();
+    let map = |side, wrap| {
+        let texel = constant(0.1, 0.4, 20.0).texel_at(0);
+        Pyramid::new(AnisoMap::constant(size(side, side), wrap, texel))
+    };
+    let off = Timings::off();
+    let first = AnisoMap::clone(map(512, Wrap::Clamp).base());
+    let mut prepared = Prepared::new(&mesh, first, studio.material, &off).unwrap();
+    let mut frame = Frame::new(size(120, 90));
+    for (side, wrap) in [
+        (512, Wrap::Clamp),
+        (512, Wrap::Repeat),
+        (16, Wrap::Repeat),
+        (256, Wrap::RepeatU),
+    ] {
+        prepared.set_map(map(side, wrap));
+        studio.check(&mut frame, &prepared, WARD);
+        for k in 0..8 {
+            let dab = Rect {
+                x: 37 * k % (side - 3),
+                y: 91 * k % (side - 3),
+                width: 3,
+                height: 3,
+            };
+            paint(&mut prepared, dab);
+            let redrawn = studio.check(&mut frame, &prepared, WARD);
+            assert!(matches!(redrawn, Redrawn::Tiles(_)), "{redrawn:?}");
+        }
+    }
 }
 
 #[test]
