@@ -11,6 +11,9 @@ pub struct Stamp {
     /// Nanoseconds since 1970, negative before.
     nanoseconds: i64,
     bytes: u64,
+    /// The same of a file that belongs to it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    beside: Option<(i64, u64)>,
 }
 
 impl Stamp {
@@ -19,12 +22,12 @@ impl Stamp {
         Self::told(&std::fs::metadata(path).ok()?)
     }
 
-    /// That of a file and one that belongs to it.
+    /// That of a file with one that belongs to it.
     pub(super) fn with(self, other: Option<Self>) -> Self {
-        other.map_or(self, |other| Self {
-            nanoseconds: self.nanoseconds.max(other.nanoseconds),
-            bytes: self.bytes.saturating_add(other.bytes),
-        })
+        Self {
+            beside: other.map(|other| (other.nanoseconds, other.bytes)),
+            ..self
+        }
     }
 
     pub(super) fn told(about: &Metadata) -> Option<Self> {
@@ -36,6 +39,7 @@ impl Stamp {
         Some(Self {
             nanoseconds,
             bytes: about.len(),
+            beside: None,
         })
     }
 }

@@ -111,8 +111,9 @@ impl Studio {
         let names = self.recipe().files();
         let allowed = names.filter(|name| !files.is_outside(name));
         let mut paths: Vec<PathBuf> = allowed.map(|name| folder.join(name)).collect();
+        // Whether they are there or not: they may yet be laid there.
         let buffers = paths.iter().filter_map(|path| mesh::buffers_beside(path));
-        let buffers: Vec<PathBuf> = buffers.filter(|path| path.exists()).collect();
+        let buffers: Vec<PathBuf> = buffers.collect();
         paths.extend(buffers);
         paths.sort_unstable();
         paths.dedup();

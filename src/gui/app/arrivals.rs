@@ -9,6 +9,7 @@ use crate::gui::import::ImportDialog;
 use crate::gui::intake::{Intake, Part, Taken};
 use crate::gui::viewport::set_mesh;
 use crate::gui::widgets::overlay_text;
+use anisomap::mesh;
 use anisomap::recipe::{Layer, RecipeFile, Source};
 use anisomap::studio::Header;
 use anisomap::studio::keymap::Keymap;
@@ -230,14 +231,14 @@ impl App {
         if self.watch_files.changed() {
             self.desk.studio.read_files_again();
             self.desk.redraw = self.desk.redraw.or(Redraw::Sharp);
-            // Of one that is gone the layer tells.
-            if self
-                .desk
-                .studio
-                .files_to_watch()
+            // Of one that is gone the layer tells; a .gltf may well have no buffers beside it.
+            let watched = self.desk.studio.files_to_watch();
+            let buffers: Vec<PathBuf> = watched
                 .iter()
-                .all(|path| path.exists())
-            {
+                .filter_map(|path| mesh::buffers_beside(path))
+                .collect();
+            let mut named = watched.iter().filter(|path| !buffers.contains(path));
+            if named.all(|path| path.exists()) {
                 let text = "A file of the recipe was changed by another program, and read again";
                 self.desk.messages.news(text);
             }

@@ -184,6 +184,19 @@ fn buffers_of_a_mesh_that_are_written_anew_are_read_anew() {
     studio.read_files_again();
     studio.settle();
     assert_eq!(width(&studio), 2.0 * before);
+    // Others of the same length, older than the file that names them.
+    write(3.0);
+    let then = std::time::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
+    let file = std::fs::File::options().write(true).open(&buffers).unwrap();
+    file.set_modified(then).unwrap();
+    studio.read_files_again();
+    studio.settle();
+    assert_eq!(width(&studio), 3.0 * before);
+    std::fs::remove_file(&buffers).unwrap();
+    assert!(
+        studio.files_to_watch().contains(&buffers),
+        "it may come back"
+    );
 }
 
 #[test]
