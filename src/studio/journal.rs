@@ -10,7 +10,7 @@
 //! Where the file system knows no locks, the process that the name tells is looked for instead.
 
 use super::Edit;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, open_regular};
 use crate::recipe::{self, Stamp};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File, Metadata, OpenOptions, TryLockError};
@@ -245,7 +245,7 @@ impl LeftBehind {
 
     /// How many changes it holds that the document's file does not.
     pub fn changes(&self) -> u64 {
-        self.base.unsaved + self.edits.len() as u64
+        self.base.unsaved.saturating_add(self.edits.len() as u64)
     }
 
     /// Removes the journal, once its work is in another document or is not wanted.
@@ -300,10 +300,10 @@ fn remove_if_old(path: &Path) {
 
 /// Reads a journal; `None` when a window has it open, or it has just ended.
 fn read(path: &Path, hold: Hold) -> Result<Option<LeftBehind>> {
-    let file = match File::open(path) {
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-        file => file.map_err(Error::read(path))?,
-    };
+    if !path.exists() {
+        return Ok(None);
+    }
+    let (file, _) = open_regular(path)?;
     match hold(&file) {
         Holder::We => {}
         Holder::Another => return Ok(None),
