@@ -268,8 +268,12 @@ impl Desk {
         let ended = self.studio.end_stroke();
         let painted = self.told(ended);
         if painted == Some(true) {
-            self.close_hint();
+            if !self.settings.hint_closed {
+                self.close_hint();
+                self.messages.news("Turn the light to see how the grooves take it: drag the ball in the map's corner, or over the mesh with Shift and the right button");
+            }
             self.tell_of_guides();
+            self.tell_of_mask();
         }
         if painted == Some(false) && self.hand.brush().tool.follows_stroke() {
             let name = self.hand.kind().name();
@@ -277,6 +281,19 @@ impl Desk {
                 "{name} follows the stroke: drag to give it a direction"
             ));
         }
+    }
+
+    /// Says that a stroke lies where nobody sees it.
+    fn tell_of_mask(&mut self) {
+        if !self.studio.mask_hides_last_stroke() {
+            return;
+        }
+        let layer = &self.studio.recipe().layers[self.studio.selected()];
+        let view = self.keymap.keys_text(Action::View8);
+        self.messages.news(format!(
+            "The mask of {} hides this stroke: {view} shows where the layer is seen",
+            layer.name()
+        ));
     }
 
     /// Says once that guides above what was painted lead its direction.

@@ -100,9 +100,10 @@ fn of_mask(ui: &mut Ui, desk: &mut Desk) {
     ui.label("Mask");
     let row = vec2(110.0, super::theme::ROW);
     let chosen = ui.allocate_ui(row, |ui| choices(ui, "Mask", &["Show", "Hide"], now));
-    chosen.response.on_hover_text(
-        "Every brush shows the layer where it paints, and the eraser hides it; Ctrl does the opposite while it is held.",
-    );
+    let swap = desk.keymap.keys_text(Action::SwapAlphas);
+    chosen.response.on_hover_text(format!(
+        "Every brush shows the layer where it paints, and the eraser hides it; {swap} changes between them, and Ctrl does the opposite while it is held.",
+    ));
     if let Some(hide) = chosen.inner {
         let erase = (hide == 1) != inverted;
         desk.ask(if erase {

@@ -238,6 +238,21 @@ impl Prepared {
         region
     }
 
+    /// How much the mask of the layer with the number `at` lets through in a rectangle, texel by texel in its row order; `None`
+    /// of a layer without a mask, or that is not there.
+    ///
+    /// # Panics
+    /// When `rect` reaches outside the map.
+    pub fn mask(&self, at: usize, rect: Rect) -> Option<Vec<f32>> {
+        self.assert_inside(rect);
+        let layer = self.layers.iter().find(|layer| layer.at == at)?;
+        let mask = layer.mask.as_ref()?;
+        let mut scratch = Scratch::default();
+        scratch.resize(rect.texels());
+        mask.fill(rect, &mut scratch);
+        Some(scratch.weight)
+    }
+
     /// The layers above the layer `at`, and the recipe's adjustment, over a region.
     fn go_above(
         &self,

@@ -4,7 +4,7 @@ use super::layers::label;
 use super::{DEFAULT_MESH, Edit, Header, Hit, Step, Studio, Touched, canvas, pick};
 use crate::error::Result;
 use crate::map::Rect;
-use crate::paint::{Brush, Live, POINTS_MAX, Point, Stroke, SurfacePoint};
+use crate::paint::{Brush, Live, POINTS_MAX, Point, Points, Stroke, SurfacePoint};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -18,6 +18,9 @@ const RADII_A_POINT: f32 = 0.15;
 pub(super) const CATCH_UP: Duration = Duration::from_millis(16);
 /// Tiles of the map that are brought up to date at once.
 const TILES_AT_ONCE: usize = 4;
+
+/// Places of a stroke at which a mask is asked.
+const MASK_POINTS: usize = 64;
 
 impl Studio {
     /// Begins a stroke in UV on the selected layer, which must hold strokes.
@@ -180,6 +183,34 @@ impl Studio {
             Some(laid) => laid,
             None => self.end_now(),
         }
+    }
+
+    /// Whether the mask of the selected layer hides the last stroke on it: nobody sees then that it is there. Of a stroke on the
+    /// mesh it is not told.
+    pub fn mask_hides_last_stroke(&self) -> bool {
+        let at = self.selected;
+        let layer = self.recipe().layers.get(at).filter(|_| !self.on_mask);
+        let last = layer.and_then(|l| l.strokes(false)?.strokes.last());
+        let Some(Points::Uv(points)) = last.map(|stroke| stroke.points()) else {
+            return false;
+        };
+        let size = self.recipe().size;
+        let texel = |part: f32, all: u32| {
+            let part = part.rem_euclid(1.0) * all as f32;
+            (part as u32).min(all - 1)
+        };
+        let hides = |point: &Point| {
+            let rect = Rect {
+                x: texel(point.uv().x, size.width()),
+                y: texel(1.0 - point.uv().y, size.height()),
+                width: 1,
+                height: 1,
+            };
+            let shows = self.canvas.stack().mask(at, rect);
+            shows.is_some_and(|shows| shows[0] < 0.02)
+        };
+        let apart = points.len().div_ceil(MASK_POINTS);
+        points.iter().step_by(apart).all(hides)
     }
 
     pub(super) fn end_now(&mut self) -> Result<bool> {

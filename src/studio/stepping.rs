@@ -69,11 +69,14 @@ impl Studio {
             return Ok(false);
         };
         let came = inserted(&step.edits);
+        let had_mask = self.has_painted_mask();
         let (back, touched) = self.apply_all(step.edits)?;
         self.history.push_undo(Step::new(step.label, back, None));
         self.follow(touched);
         if let Some(at) = came {
             self.select(at);
+        } else if !had_mask && self.has_painted_mask() {
+            self.select_mask(true); // as when it was made
         }
         Ok(true)
     }

@@ -72,8 +72,14 @@ impl App {
     }
 
     pub(super) fn perform_brush(&mut self, ui: &Ui, action: Action) {
+        let on_mask = self.desk.studio.is_mask_selected();
         let hand = &mut self.desk.hand;
         match action {
+            // Of a brush on a mask the widths do not count: what shows and what hides change places.
+            Action::SwapAlphas if on_mask => hand.take(match hand.kind() {
+                ToolKind::Erase => ToolKind::Groove,
+                _ => ToolKind::Erase,
+            }),
             Action::SizeDown => hand.resize(-1.0),
             Action::SizeUp => hand.resize(1.0),
             Action::HardnessDown => hand.harden(-1.0),
