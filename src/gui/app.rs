@@ -26,7 +26,7 @@ use anisomap::studio::{
 };
 use documents::tell_read_only;
 use eframe::egui::{self, Context, Ui, ViewportCommand};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// How long the pen may be kept waiting for its layer, before its stroke is painted later.
@@ -161,6 +161,10 @@ impl App {
             (!left.is_empty()).then_some(Dialog::Recover(left))
         });
         desk.ask_outside = true;
+        if let Some(path) = desk.studio.document().path().map(Path::to_owned) {
+            desk.settings.remember(&path);
+            desk.save_settings();
+        }
         Ok(Self {
             desk,
             canvas: CanvasPane::default(),

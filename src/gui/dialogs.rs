@@ -176,6 +176,9 @@ pub(crate) fn show(ctx: &Context, open: &mut Option<Dialog>, desk: &mut Desk) ->
     let closed = (shown.backdrop_response.clicked() && dialog.may_click_away())
         || (shown.is_top_modal && ctx.input(|i| i.key_pressed(egui::Key::Escape)));
     *open = match next {
+        Next::Stay if closed && matches!(dialog, Dialog::ExportFolder(..)) => {
+            Some(back_to_export(dialog))
+        }
         Next::Stay if closed && dialog.may_close() => None,
         Next::Stay => Some(dialog),
         Next::Close => None,
@@ -442,6 +445,7 @@ fn recover(ui: &mut Ui, left: &mut Vec<LeftBehind>) -> (Next, Option<Wish>) {
         "The studio did not end in the usual way. What was done until then can be taken up again.",
     );
     ui.add_space(4.0);
+    let palette = Palette::of(ui);
     let (mut taken, mut discarded) = (None, None);
     for (i, one) in left.iter().enumerate() {
         ui.separator();
@@ -455,8 +459,8 @@ fn recover(ui: &mut Ui, left: &mut Vec<LeftBehind>) -> (Next, Option<Wish>) {
             } else {
                 &one.base.title
             };
-            ui.label(RichText::new(title).strong());
-            ui.label(format!("{}{when}", count(one.edits.len(), "change")));
+            let changes = usize::try_from(one.changes()).unwrap_or(usize::MAX);
+            let what = format!("{}{when}", count(changes, "change"));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 if ui
                     .button("Discard")
@@ -475,6 +479,21 @@ fn recover(ui: &mut Ui, left: &mut Vec<LeftBehind>) -> (Next, Option<Wish>) {
                 {
                     taken = Some(i);
                 }
+                ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                    // The name yields to what is said of it.
+                    let font = egui::TextStyle::Body.resolve(ui.style());
+                    let said = ui
+                        .painter()
+                        .layout_no_wrap(what.clone(), font, palette.text);
+                    ui.set_max_width(ui.available_width());
+                    let room = ui.available_width() - said.size().x - 16.0;
+                    ui.scope(|ui| {
+                        ui.set_max_width(room.max(60.0));
+                        let name = egui::Label::new(RichText::new(title).strong()).truncate();
+                        ui.add(name).on_hover_text(title);
+                    });
+                    ui.label(what);
+                });
             });
         });
         if let Some(damage) = &one.damage {

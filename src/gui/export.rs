@@ -1,6 +1,7 @@
 //! The export dialog, and the thread that writes the files.
 
 use super::desk::Desk;
+use super::dialogs::{default_button, main_button};
 use super::messages::count;
 use super::properties::{bytes_text, memory, too_large};
 use super::theme::Palette;
@@ -96,6 +97,8 @@ impl ExportDialog {
             .clone()
             .or(beside)
             .unwrap_or_else(|| PathBuf::from("export"));
+        // Where it is is said in full.
+        let folder = std::path::absolute(&folder).unwrap_or(folder);
         let title = desk.studio.document().title();
         let stem = title.trim_end_matches(".toml");
         Self {
@@ -205,13 +208,13 @@ impl ExportDialog {
         ui.horizontal(|ui| {
             let ready =
                 !self.targets.is_empty() && !self.folder.trim().is_empty() && is_name(&self.name);
-            let go = egui::Button::new(RichText::new("Export").color(palette.text))
-                .fill(palette.accent_ground);
-            if ui
-                .add_enabled(ready, go)
-                .on_hover_text("Writes the files.")
-                .clicked()
-            {
+            let go = if ready {
+                default_button(ui, "Export")
+            } else {
+                ui.add_enabled_ui(false, |ui| main_button(ui, "Export"))
+                    .inner
+            };
+            if go.on_hover_text("Writes the files.").clicked() {
                 self.begin(ui, desk);
             }
             if ui.button("Close").clicked() {
@@ -239,7 +242,7 @@ impl ExportDialog {
         file_list(ui, self.over.iter().map(|path| (path.as_path(), None)));
         ui.add_space(8.0);
         ui.horizontal(|ui| {
-            if super::dialogs::main_button(ui, "Back")
+            if default_button(ui, "Back")
                 .on_hover_text("To another folder or name; nothing was written.")
                 .clicked()
             {
@@ -261,7 +264,6 @@ impl ExportDialog {
     /// What is to be written.
     fn job(&self, desk: &Desk) -> Result<Job, Error> {
         let typed = Path::new(self.folder.trim());
-        // Where it is is said in full.
         let folder = std::path::absolute(typed).unwrap_or_else(|_| typed.to_owned());
         Ok(Job {
             file: desk.studio.document().at_size(self.size)?,
@@ -362,7 +364,7 @@ fn show_report(ui: &mut Ui, report: &Report) -> Wish {
         ui.add(egui::Label::new(note).wrap());
     }
     ui.add_space(8.0);
-    if ui.button("Close").clicked() {
+    if default_button(ui, "Close").clicked() {
         Wish::Close
     } else {
         Wish::Stay

@@ -3,6 +3,7 @@
 use super::desk::Desk;
 use super::theme::Palette;
 use super::work::{Now, Work};
+use anisomap::mesh::split_path;
 use eframe::egui::{self, Key, RichText, TextEdit, Ui};
 use std::path::{Path, PathBuf};
 
@@ -77,8 +78,12 @@ pub(crate) struct FileDialog {
     native: Option<Work<Option<PathBuf>>>,
     asked: bool,
     fresh: bool,
-    /// The file that would be written over, told once.
+    /// What a name without a folder is seen from.
+    folder: PathBuf,
+    /// The file that would be written over.
     over: Option<PathBuf>,
+    /// The file that is to be read and is not there.
+    missing: Option<PathBuf>,
     /// The folder that is not there, and what went wrong with making it.
     no_folder: Option<(PathBuf, Option<String>)>,
 }
@@ -104,7 +109,13 @@ impl FileDialog {
             native: None,
             asked: false,
             fresh: true,
+            folder: if start.is_dir() {
+                start
+            } else {
+                start.parent().map_or_else(PathBuf::new, Path::to_owned)
+            },
             over: None,
+            missing: None,
             no_folder: None,
         }
     }
@@ -165,26 +176,29 @@ impl FileDialog {
         if self.fresh && !ui.is_sizing_pass() {
             self.fresh = false;
             field.request_focus();
-            if self.purpose.saves() {
-                super::widgets::select_all(ui, field.id, &self.text);
-            }
+            super::widgets::select_all(ui, field.id, &self.text);
         }
         if field.changed() {
-            self.over = None;
-            self.no_folder = None;
+            (self.over, self.missing, self.no_folder) = (None, None, None);
         }
         let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
-        if entered && self.purpose.saves() {
-            field.request_focus(); // where there is something to say first, Enter answers that
+        if entered {
+            field.request_focus(); // where there is something to say first, the name may be mended
         }
         self.list(ui);
-        if let Some(over) = &self.over {
-            let text = format!(
-                "{} is there already: press {} again to write over it.",
-                over.display(),
-                self.purpose.button()
-            );
+        let warn = |ui: &mut Ui, text: String| {
             ui.add(egui::Label::new(RichText::new(text).color(palette.warning)).wrap());
+        };
+        if let Some(missing) = &self.missing {
+            warn(ui, format!("There is no file {}.", missing.display()));
+        }
+        if let Some(over) = &self.over {
+            warn(ui, format!("{} is there already.", over.display()));
+            // A button of its own: an Enter too many must not cost a file.
+            let replace = ui.button("Replace it");
+            if replace.on_hover_text("Writes over that file.").clicked() {
+                answer = Answer::Path(over.clone());
+            }
         }
         if self.offer_folder(ui) {
             answer = self.accept();
@@ -238,7 +252,7 @@ impl FileDialog {
 
     /// What lies in the folder of the path.
     fn list(&mut self, ui: &mut Ui) {
-        let path = PathBuf::from(&self.text);
+        let path = self.meant();
         let folder = if self.text.ends_with(std::path::MAIN_SEPARATOR) {
             path
         } else {
@@ -302,13 +316,20 @@ impl FileDialog {
         self.over = None;
     }
 
-    /// The path as it is meant; a file that is there is written over only when it is asked for twice.
-    fn accept(&mut self) -> Answer {
+    /// The path as it is meant: what begins with a slash in the middle was typed after the folder that stood there, and a name
+    /// alone is one in the folder that the dialog began with.
+    fn meant(&self) -> PathBuf {
         let text = self.text.trim();
-        if text.is_empty() {
+        let again = text.rfind("//").filter(|_| cfg!(unix));
+        self.folder.join(again.map_or(text, |at| &text[at + 1..]))
+    }
+
+    /// The path that was chosen, if nothing is to be said first: that a file would be written over, or is not there.
+    fn accept(&mut self) -> Answer {
+        if self.text.trim().is_empty() {
             return Answer::None;
         }
-        let mut path = PathBuf::from(text);
+        let mut path = self.meant();
         if self.purpose.saves() {
             if path.is_dir() {
                 return Answer::None;
@@ -321,10 +342,13 @@ impl FileDialog {
                 self.no_folder = Some((folder.to_owned(), None));
                 return Answer::None;
             }
-            if path.exists() && self.over.as_ref() != Some(&path) {
+            if path.exists() {
                 self.over = Some(path);
                 return Answer::None;
             }
+        } else if self.purpose != Purpose::ExportFolder && !split_path(&path).0.exists() {
+            self.missing = Some(path);
+            return Answer::None;
         }
         Answer::Path(path)
     }

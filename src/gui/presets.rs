@@ -30,6 +30,8 @@ pub(crate) struct PresetBrowser {
     /// What is looked for.
     search: String,
     begun_search: bool,
+    /// Enter in the search has chosen one: the next Enter opens it.
+    to_open: bool,
     /// The number of the one that was chosen.
     chosen: Option<usize>,
     /// Whether the lowest layer, which hides what lies below it, does not come along.
@@ -55,6 +57,7 @@ impl PresetBrowser {
         self.follow(ui);
         ui.set_width((PICTURE[0] as f32 + 12.0) * COLUMNS as f32 + 10.0);
         ui.heading("Presets");
+        let mut entered = false;
         ui.horizontal(|ui| {
             ui.label("Search");
             let field = egui::TextEdit::singleline(&mut self.search).desired_width(220.0);
@@ -64,12 +67,20 @@ impl PresetBrowser {
                 self.begun_search = true;
                 field.request_focus();
             }
+            entered = field.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
+            if entered && !PRESETS.iter().any(|p| matches(p, &self.search)) {
+                field.request_focus();
+            }
         });
         ui.add_space(6.0);
         let mut wish = Wish::Stay;
         let found: Vec<usize> = (0..PRESETS.len())
             .filter(|i| matches(&PRESETS[*i], &self.search))
             .collect();
+        if let (true, Some(first)) = (entered, found.first()) {
+            self.chosen = Some(*first);
+            self.to_open = true;
+        }
         let room = (ui.ctx().content_rect().height() - 300.0).clamp(160.0, 900.0);
         egui::ScrollArea::vertical()
             .max_height(room)
@@ -121,6 +132,9 @@ impl PresetBrowser {
                 ),
             ] {
                 let button = ui.add_enabled(chosen.is_some(), egui::Button::new(text));
+                if chosen.is_some() && std::mem::take(&mut self.to_open) {
+                    button.request_focus();
+                }
                 if let (true, Some(preset)) = (button.on_hover_text(tip).clicked(), chosen) {
                     wish = make(preset);
                 }

@@ -59,10 +59,13 @@ impl App {
                         } else {
                             ""
                         };
-                        ui.label(
-                            egui::RichText::new(format!("{}{mark}", document.title()))
-                                .color(palette.weak),
-                        );
+                        let title = format!("{}{mark}", document.title());
+                        let text = egui::RichText::new(&title).color(palette.weak);
+                        ui.scope(|ui| {
+                            ui.set_max_width(0.6 * ui.available_width());
+                            ui.add(egui::Label::new(text).truncate())
+                                .on_hover_text(&title);
+                        });
                         ui.add_space(8.0);
                         ui.spacing_mut().item_spacing.x = 2.0;
                         let (undo, redo) = self.desk.studio.history().len();

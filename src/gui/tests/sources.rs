@@ -3,6 +3,7 @@
 use super::*;
 use crate::gui::desk::Wanted;
 use crate::gui::intake::Part;
+use anisomap::studio::hand::ToolKind;
 use std::path::PathBuf;
 
 const TEXTURED: &str = "version = 1
@@ -267,4 +268,125 @@ fn nothing_is_asked_of_a_document_without_a_folder() {
         window.run_steps(2);
         assert!(window.state().dialog.is_none());
     }
+}
+
+/// Enter, and nothing else, as often as somebody may press it.
+fn enter_key(window: &mut Window) {
+    press(window, "Enter");
+    window.run_steps(3);
+}
+
+#[test]
+fn an_enter_too_many_does_not_write_over_another_file() {
+    let (mut window, folder) = opened(TEXTURED);
+    let theirs = folder.path().join("theirs.toml");
+    std::fs::write(&theirs, "theirs").unwrap();
+    press(&mut window, "Ctrl+Shift+S");
+    enter(&mut window, &theirs);
+    for _ in 0..3 {
+        enter_key(&mut window);
+    }
+    assert_eq!(std::fs::read_to_string(&theirs).unwrap(), "theirs");
+    window.get_by_label_contains("is there already");
+    button(&window, "Replace it");
+    wait(&mut window, |_| RecipeFile::read(&theirs).is_ok());
+}
+
+#[test]
+fn what_is_typed_to_be_opened_stays_where_no_such_file_is() {
+    let (mut window, folder) = opened(TEXTURED);
+    press(&mut window, "Ctrl+O");
+    window.run_steps(2);
+    // It is selected, so that another path takes its place.
+    let nowhere = folder.path().join("nowhere.obj");
+    field(&window, "Path").type_text(&nowhere.display().to_string());
+    window.run_steps(2);
+    enter_key(&mut window);
+    window.get_by_label_contains("There is no file");
+    assert!(matches!(window.state().dialog, Some(Dialog::File(_))));
+    // A name alone is one in the folder that the dialog began with; what begins anew is meant as it begins.
+    for typed in [
+        "small.toml".to_owned(),
+        format!("/tmp/{}/small.toml", folder.path().display()),
+    ] {
+        field(&window, "Path").click();
+        window.step();
+        press(&mut window, "Ctrl+A");
+        field(&window, "Path").type_text(&typed);
+        window.run_steps(2);
+        enter_key(&mut window);
+        wait(&mut window, |w| w.state().dialog.is_none());
+        let open = window.state().desk.studio.document().path().unwrap();
+        assert_eq!(open.file_name().unwrap(), "small.toml");
+        press(&mut window, "Ctrl+O");
+        window.run_steps(2);
+    }
+}
+
+#[test]
+fn an_export_and_a_preset_need_no_pointer() {
+    let (mut window, folder) = opened(TEXTURED);
+    window.state_mut().desk.settings.export.folder = Some(folder.path().join("out"));
+    press(&mut window, "Ctrl+Shift+E");
+    window.run_steps(3);
+    enter_key(&mut window);
+    wait_for_export(&mut window);
+    assert!(folder.path().join("out/small.exr").is_file());
+    window.run_steps(2);
+    enter_key(&mut window);
+    assert!(window.state().dialog.is_none(), "closed");
+    press(&mut window, "Ctrl+P");
+    window.run_steps(3);
+    field(&window, "Search").type_text("vinyl");
+    window.run_steps(2);
+    enter_key(&mut window);
+    enter_key(&mut window);
+    wait(&mut window, |w| {
+        w.state().desk.studio.document().title().contains("vinyl")
+    });
+}
+
+#[test]
+fn escape_from_the_folder_of_an_export_leads_back_to_it() {
+    let (mut window, _folder) = opened(TEXTURED);
+    press(&mut window, "Ctrl+Shift+E");
+    window.run_steps(3);
+    button(&window, "Browse\u{2026}");
+    window.run_steps(3);
+    assert!(matches!(
+        window.state().dialog,
+        Some(Dialog::ExportFolder(..))
+    ));
+    press(&mut window, "Escape");
+    window.run_steps(2);
+    assert!(matches!(window.state().dialog, Some(Dialog::Export(_))));
+}
+
+#[test]
+fn what_a_mask_hides_is_told_and_its_brush_is_changed_by_the_swap() {
+    let (mut window, _folder) = opened(TEXTURED);
+    window
+        .state_mut()
+        .desk
+        .studio
+        .add_painted_mask(2, false)
+        .unwrap();
+    window.run_steps(2);
+    assert!(window.state().desk.studio.is_mask_selected());
+    let before = window.state().desk.hand.brush().clone();
+    press(&mut window, "X");
+    assert_eq!(window.state().desk.hand.kind(), ToolKind::Erase);
+    press(&mut window, "X");
+    assert_eq!(*window.state().desk.hand.brush(), before);
+    // The mask that came again is painted on again.
+    press(&mut window, "Ctrl+Z");
+    press(&mut window, "Ctrl+Y");
+    assert!(window.state().desk.studio.is_mask_selected());
+    window.state_mut().desk.studio.select_mask(false);
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.6));
+    let told = window.state().desk.messages.texts().join("\n");
+    assert!(
+        told.contains("The mask of paint hides this stroke"),
+        "{told}"
+    );
 }
