@@ -151,10 +151,10 @@ fn texel_marks(map: &AnisoMap, progress: &Progress<'_>) -> Result<Vec<TexelMark>
     })
 }
 
-/// The jumps over the edges where the map repeats, as marks on both edges.
-/// How far around a place of the edge the map is looked at for jumps as large, in texels.
+/// How far around a place of an edge the map is looked at for jumps as large, in texels.
 const AROUND: u32 = 4;
 
+/// The jumps over the edges where the map repeats, as marks on both edges.
 fn map_seams(map: &AnisoMap, counts: [bool; 2]) -> Vec<Seam> {
     let (w, h) = (map.width(), map.height());
     let jump = |a: (u32, u32), b: (u32, u32)| {
@@ -289,25 +289,36 @@ fn border_marks(map: &AnisoMap, mesh: &Mesh, [first, second]: [HalfEdge; 2]) -> 
     }
     let texels = a.texels(map.size()).max(b.texels(map.size()));
     let count = (texels / PLACES_APART).ceil().clamp(1.0, PLACES_MAX);
-    let jumps = (0..count as u32).filter_map(|i| {
-        let t = (i as f32 + 0.5) / count;
-        let angle = turn(a.groove(map, mesh, t)?, b.groove(map, mesh, t)?);
+    let between = |p: Option<Vec2>, q: Option<Vec2>| {
+        let angle = turn(p?, q?);
         (!angle.is_nan()).then(|| degrees(angle))
+    };
+    let jump = |i: u32| {
+        let t = (i as f32 + 0.5) / count;
+        let at = |side: &Side, depth: u32| side.groove(map, mesh, t, depth);
+        let here = between(at(&a, 0), at(&b, 0))?;
+        // As at the edges of the map: a direction that turns as much right beside the border goes on over it.
+        let beside = |side: &Side, depth: u32| between(at(side, depth), at(side, depth + 1));
+        let usual = (0..AROUND).flat_map(|depth| [beside(&a, depth), beside(&b, depth)]);
+        let usual = usual.flatten().fold(0.0, f32::max);
+        (here > usual).then_some(here)
+    };
+    let jumps: Vec<f32> = (0..count as u32).map(|i| jump(i).unwrap_or(0.0)).collect();
+    let mut marks = Vec::new();
+    each_run(&jumps, |from, to, degrees| {
+        marks.extend([&a, &b].map(|side| {
+            let [(_, start, _), (_, end, _)] = side.ends;
+            Seam {
+                ends: [from, to].map(|i| start.lerp(end, i as f32 / count)),
+                degrees,
+                border: Border::Chart,
+            }
+        }));
     });
-    let largest = jumps.fold(0.0, f32::max);
-    if largest < LEAST_DEGREES {
-        return Vec::new();
-    }
-    [a, b]
-        .map(|side| Seam {
-            ends: side.ends.map(|(_, uv, _)| uv),
-            degrees: largest,
-            border: Border::Chart,
-        })
-        .to_vec()
+    marks
 }
 
-/// One side of a border: its ends as position, texture coordinate and vertex, and half a texel into the triangle.
+/// One side of a border: its ends as position, texture coordinate and vertex, and the step of a texel into the triangle.
 struct Side {
     ends: [(Vec3, Vec2, usize); 2],
     inward: Vec2,
@@ -324,7 +335,7 @@ impl Side {
         let sign = across.dot((apex - ends[0].1) * texels).signum();
         Self {
             ends,
-            inward: 0.5 * sign * across / texels,
+            inward: sign * across / texels,
         }
     }
 
@@ -340,9 +351,9 @@ impl Side {
         ((self.ends[1].1 - self.ends[0].1) * texels).length()
     }
 
-    /// The double-angle vector of the groove part of the way along, measured from the edge in the plane of the surface: charts that
-    /// meet at a crease are folded flat. `None` without a direction.
-    fn groove(&self, map: &AnisoMap, mesh: &Mesh, t: f32) -> Option<Vec2> {
+    /// The double-angle vector of the groove part of the way along, in the row of texels that lies `depth` rows inside, measured
+    /// from the edge in the plane of the surface: charts that meet at a crease are folded flat. `None` without a direction.
+    fn groove(&self, map: &AnisoMap, mesh: &Mesh, t: f32, depth: u32) -> Option<Vec2> {
         let [(from, uv, v), (to, uv_end, w)] = self.ends;
         let normal = mesh.normals[v].lerp(mesh.normals[w], t);
         let tangent = mesh.tangents[v].lerp(mesh.tangents[w], t);
@@ -350,7 +361,7 @@ impl Side {
         let (frame, usable) = Frame::new(normal, tangent)?;
         let edge = frame.to_local(to - from).truncate();
         let edge = Axis::from_vector(edge)?;
-        let uv = uv.lerp(uv_end, t) + self.inward;
+        let uv = uv.lerp(uv_end, t) + self.inward * (depth as f32 + 0.5);
         let groove = groove(map.sample(uv.x, uv.y));
         // The difference of the angles; a mirrored layout turns the other way round.
         let (cross, dot) = (
