@@ -26,6 +26,8 @@ pub struct Painting {
     strokes: Vec<Laid>,
     /// For each tile the pieces that may touch it, in the order of their strokes.
     tiles: Vec<Vec<Entry>>,
+    /// The strokes that work everywhere, which no tile lists.
+    everywhere: Vec<u32>,
     /// The strokes that look around themselves.
     looking: Vec<u32>,
 }
@@ -41,7 +43,7 @@ struct Laid {
     bounds: Option<Rect>,
 }
 
-/// Some pieces of a stroke, moved by whole periods. A stroke that works everywhere has an entry without pieces.
+/// Some pieces of a stroke, moved by whole periods.
 #[derive(Clone, Copy)]
 struct Entry {
     stroke: u32,
@@ -92,6 +94,10 @@ impl Laid {
     fn looks(&self) -> bool {
         self.stroke.brush().tool.reach() > 0.0
     }
+
+    fn is_everywhere(&self) -> bool {
+        self.stroke.brush().tool.is_everywhere()
+    }
 }
 
 fn too_many_pieces(most: usize) -> Error {
@@ -135,6 +141,7 @@ impl Painting {
                 Vec::new();
                 (size.width().div_ceil(TILE) * size.height().div_ceil(TILE)) as usize
             ],
+            everywhere: Vec::new(),
             looking: Vec::new(),
         };
         let weight = AtomicUsize::new(0);
@@ -151,6 +158,12 @@ impl Painting {
             laid.into_iter().for_each(|l| painting.sort_in(l));
         }
         Ok(painting)
+    }
+
+    /// How many entries all tiles have.
+    #[cfg(test)]
+    pub(super) fn entries(&self) -> usize {
+        self.tiles.iter().map(Vec::len).sum()
     }
 
     /// How many strokes.
@@ -190,6 +203,9 @@ impl Painting {
         };
         let number = n as u32;
         let has = |tile: &usize| {
+            if laid.is_everywhere() {
+                return true;
+            }
             let entries = &self.tiles[*tile];
             let from = entries.partition_point(|e| e.stroke < number);
             entries.get(from).is_some_and(|e| e.stroke == number)
@@ -200,10 +216,10 @@ impl Painting {
 
     /// Whether any of the first `n` strokes may change texels of a rectangle.
     pub fn touches(&self, n: usize, rect: Rect) -> bool {
-        self.tiles_of(rect).any(|tile| {
-            let first = self.tiles[tile].first();
-            first.is_some_and(|e| (e.stroke as usize) < n)
-        })
+        let is_one = |first: Option<u32>| first.is_some_and(|stroke| (stroke as usize) < n);
+        let mut tiles = self.tiles_of(rect).map(|tile| &self.tiles[tile]);
+        is_one(self.everywhere.first().copied())
+            || tiles.any(|entries| is_one(entries.first().map(|e| e.stroke)))
     }
 
     /// Adds a stroke at the end.
@@ -216,7 +232,9 @@ impl Painting {
     pub fn pop(&mut self) -> Option<Arc<Stroke>> {
         let last = self.strokes.pop()?;
         let number = self.strokes.len() as u32;
-        if let Some(bounds) = last.bounds {
+        if last.is_everywhere() {
+            self.everywhere.pop();
+        } else if let Some(bounds) = last.bounds {
             for tile in self.tiles_of(bounds) {
                 let entries = &mut self.tiles[tile];
                 let kept = entries.partition_point(|e| e.stroke < number);
@@ -245,15 +263,9 @@ impl Painting {
             width: self.ground.grid.width,
             height: self.ground.grid.height,
         };
-        if laid.stroke.brush().tool.is_everywhere() {
+        if laid.is_everywhere() {
             laid.bounds = Some(whole);
-            let entry = Entry {
-                stroke: number,
-                first: 0,
-                end: 0,
-                period: (0, 0),
-            };
-            self.tiles.iter_mut().for_each(|t| t.push(entry));
+            self.everywhere.push(number);
         }
         let Self {
             ground,
@@ -393,8 +405,7 @@ impl Painting {
             let Some(part) = self.rect_of(tile).intersection(rect) else {
                 continue;
             };
-            for run in self.tiles[tile].chunk_by(|a, b| a.stroke == b.stroke) {
-                let laid = &self.strokes[run[0].stroke as usize];
+            for (laid, run) in self.runs(tile, 0..self.len()) {
                 self.cover_tile(laid, run, tile, part, &mut covered);
                 if !covered.is_empty() {
                     let below = view.below;
@@ -438,11 +449,7 @@ impl Painting {
         let Some(rect) = self.rect_of(tile).intersection(band) else {
             return;
         };
-        let entries = &self.tiles[tile];
-        let from = entries.partition_point(|e| (e.stroke as usize) < range.start);
-        let to = entries.partition_point(|e| (e.stroke as usize) < range.end);
-        for run in entries[from..to].chunk_by(|a, b| a.stroke == b.stroke) {
-            let laid = &self.strokes[run[0].stroke as usize];
+        for (laid, run) in self.runs(tile, range) {
             if laid.looks() {
                 continue; // it has its turn in `paint`
             }
@@ -452,6 +459,21 @@ impl Painting {
                 apply(laid.work, cover, rect, view, below);
             }
         }
+    }
+
+    /// The strokes of a range that may touch a tile, in their order, each with its entries there: none of one that works everywhere.
+    fn runs(&self, tile: usize, range: Range<usize>) -> impl Iterator<Item = (&Laid, &[Entry])> {
+        let entries = within(&self.tiles[tile], &range, |e| e.stroke);
+        let mut here = entries.chunk_by(|a, b| a.stroke == b.stroke).peekable();
+        let mut everywhere = within(&self.everywhere, &range, |n| *n).iter().peekable();
+        std::iter::from_fn(move || {
+            let next = here.peek().map_or(u32::MAX, |run| run[0].stroke);
+            let (n, run): (u32, &[Entry]) = match everywhere.next_if(|n| **n < next) {
+                Some(n) => (*n, &[]),
+                None => (next, here.next()?),
+            };
+            Some((&self.strokes[n as usize], run))
+        })
     }
 
     fn rect_of(&self, tile: usize) -> Rect {
@@ -468,7 +490,7 @@ impl Painting {
     fn cover_tile(&self, laid: &Laid, run: &[Entry], tile: usize, rect: Rect, cover: &mut Cover) {
         let whole = self.rect_of(tile);
         cover.clear(IVec2::new(whole.x as i32, whole.y as i32));
-        if laid.stroke.brush().tool.is_everywhere() {
+        if laid.is_everywhere() {
             cover.fill(laid.stroke.brush().flow);
             return;
         }
@@ -516,6 +538,13 @@ impl Painting {
             apply(laid.work, &cover, part, view, mean.planes());
         }
     }
+}
+
+/// What a list in the order of strokes has of a range of them.
+fn within<'a, T>(all: &'a [T], range: &Range<usize>, stroke: impl Fn(&T) -> u32) -> &'a [T] {
+    let from = all.partition_point(|x| (stroke(x) as usize) < range.start);
+    let to = all.partition_point(|x| (stroke(x) as usize) < range.end);
+    &all[from..to.max(from)]
 }
 
 /// Calls `visit(column, row)` for the tiles of `rect` that a piece may touch: fewer than its box has where it lies aslant.

@@ -726,6 +726,61 @@ fn strokes_of_too_many_pieces_are_refused() {
 }
 
 #[test]
+fn strokes_that_work_everywhere_take_their_turn_and_no_room_in_tiles() {
+    let surface = surface(200, 130, Wrap::Repeat);
+    let below = ground(surface.size);
+    let dab = |u: f32| stroke(&brush(Tool::Erase), &[(u, 0.4, 1.0)]);
+    let fill = |alpha: f32, flow: f32| {
+        let tool = Tool::Fill(FillWith {
+            alpha_x: Some(alpha),
+            ..FillWith::default()
+        });
+        let one = Brush {
+            flow,
+            ..brush(tool)
+        };
+        stroke(&one, &[(0.5, 0.5, 1.0)])
+    };
+    let strokes = [
+        fill(0.9, 0.4),
+        dab(0.3),
+        fill(0.01, 0.7),
+        fill(0.3, 0.2),
+        dab(0.35),
+        dab(0.9),
+        fill(0.5, 0.1),
+    ];
+    let all = painting(&surface, &strokes);
+    let dabs: Vec<_> = [1, 4, 5].map(|n: usize| strokes[n].clone()).to_vec();
+    assert_eq!(all.entries(), painting(&surface, &dabs).entries());
+    // One at a time, each over what those before it left.
+    let rect = surface.size.rect();
+    let under = below.region(rect);
+    let (mut now, mut coverage) = (under.clone(), vec![0.0; rect.texels()]);
+    for n in 0..strokes.len() {
+        all.paint(n..n + 1, rect, &under, &mut now, &mut coverage);
+    }
+    assert!(painted(&all, &below, rect) == (now, coverage.clone()));
+    let mut covered = vec![0.0; rect.texels()];
+    all.cover(rect, &mut covered);
+    assert!(covered == coverage);
+    let far = Rect {
+        x: 100,
+        y: 0,
+        width: 20,
+        height: 20,
+    };
+    assert_eq!([0, 1].map(|n| all.touches(n, far)), [false, true]);
+    assert_eq!(all.reached(2).len(), 12);
+    // Taken away and done again.
+    let mut again = painting(&surface, &strokes);
+    while again.pop().is_some() {}
+    assert!(!again.touches(9, far) && again.entries() == 0);
+    strokes.iter().for_each(|s| again.push(s));
+    assert!(painted(&again, &below, rect) == painted(&all, &below, rect));
+}
+
+#[test]
 fn numbers_that_are_none_are_no_points() {
     assert_eq!(Point::new(Vec2::new(f32::NAN, 0.0), 1.0), None);
     assert_eq!(Point::new(Vec2::ZERO, f32::INFINITY), None);
