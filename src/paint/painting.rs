@@ -1,7 +1,7 @@
 //! Many strokes on a surface, sorted into tiles so that a rectangle touches only the strokes that reach it.
 
 use super::composite::{Planes, View, Work, apply};
-use super::cover::{Cover, Shape, Stamp, TILE};
+use super::cover::{Cover, Shape, Stamp, TILE, bounds};
 use super::laid::{Ground, pieces};
 use super::skin::Skin;
 use super::smooth::Kernel;
@@ -63,6 +63,10 @@ struct Look {
 
 /// The most pieces of a painting: a gigabyte of them.
 const PIECES_MAX: usize = 1 << 24;
+/// The most entries of a painting, all tiles together: a gigabyte of them.
+const ENTRIES_MAX: usize = 1 << 26;
+/// Tiles that are visited until it is asked whether to go on.
+const VISITS: usize = 1 << 14;
 /// Pieces of a stroke that touch one tile are told as one run when no more than this lie between them.
 const GAP: u32 = 32;
 
@@ -100,6 +104,85 @@ impl Laid {
     }
 }
 
+/// What a painting may hold.
+#[derive(Clone, Copy)]
+pub(super) struct Limits {
+    pub(super) pieces: usize,
+    pub(super) entries: usize,
+}
+
+impl Limits {
+    const USUAL: Self = Self {
+        pieces: PIECES_MAX,
+        entries: ENTRIES_MAX,
+    };
+}
+
+/// How many more entries there may be, and who is asked whether to go on.
+struct Room<'a> {
+    entries: usize,
+    most: usize,
+    visits: usize,
+    progress: &'a Progress<'a>,
+}
+
+impl<'a> Room<'a> {
+    fn new(most: usize, progress: &'a Progress<'a>) -> Self {
+        Self {
+            entries: most,
+            most,
+            visits: 0,
+            progress,
+        }
+    }
+
+    /// Counts tiles that are visited, or as much work, and asks now and then.
+    fn visit(&mut self, tiles: usize) -> Result<()> {
+        self.visits += tiles;
+        if self.visits >= VISITS {
+            self.visits = 0;
+            self.progress.check()?;
+        }
+        Ok(())
+    }
+
+    /// Adds a piece to a tile's list: to the last run, when it goes on there.
+    fn add(&mut self, entries: &mut Vec<Entry>, new: Entry) -> Result<()> {
+        self.visit(1)?;
+        if let Some(last) = entries.last_mut().filter(|last| last.is_before(&new)) {
+            last.end = new.end;
+            return Ok(());
+        }
+        self.entries = match self.entries.checked_sub(1) {
+            Some(left) => left,
+            None => return Err(too_many_entries(self.most)),
+        };
+        entries.push(new);
+        Ok(())
+    }
+}
+
+impl Entry {
+    /// Whether another one goes on where it ends, or little after it.
+    fn is_before(&self, next: &Self) -> bool {
+        (self.stroke, self.period) == (next.stroke, next.period) && next.first <= self.end + GAP
+    }
+}
+
+fn too_many_entries(most: usize) -> Error {
+    let value = format!(
+        "more than {most} tiles of {TILE} x {TILE} texels, each counted for every stroke that reaches it"
+    );
+    Error::invalid(
+        "",
+        value,
+        "allowed: at most that many in a layer, strokes that come back from beyond an edge included",
+    )
+    .with_hint(
+        "Make the map smaller or the brushes narrower, or spread the strokes over several layers",
+    )
+}
+
 fn too_many_pieces(most: usize) -> Error {
     let value = format!("more than {most} lines, dabs and scratches");
     Error::invalid("", value, "allowed: at most that many in a layer").with_hint(
@@ -111,20 +194,22 @@ impl Painting {
     /// A painting of all strokes of a layer. Strokes on the mesh need it, as the surface lies on it; without they paint nothing.
     ///
     /// # Errors
-    /// When the strokes fall into more than 16,777,216 lines, dabs and scratches, copies included: [`Error::Invalid`] whose
-    /// `what` is empty. [`Error::Cancelled`] when `progress`, which is asked now and then, says so.
+    /// When the strokes fall into more than 16,777,216 lines, dabs and scratches, copies included, or reach more than 67,108,864
+    /// tiles of 64 x 64 texels, each counted once for each stroke that reaches it, and for each repetition of the stroke
+    /// beyond an edge that does: [`Error::Invalid`] whose `what` is empty. [`Error::Cancelled`] when `progress`, which is asked
+    /// now and then, says so.
     pub fn new(
         surface: &Surface,
         strokes: &Strokes,
         skin: Option<Arc<Skin>>,
         progress: &Progress<'_>,
     ) -> Result<Self> {
-        Self::of_pieces(PIECES_MAX, surface, strokes, skin, progress)
+        Self::within(Limits::USUAL, surface, strokes, skin, progress)
     }
 
-    /// As [`Painting::new`], of `most` pieces at most.
-    pub(super) fn of_pieces(
-        most: usize,
+    /// As [`Painting::new`], with other limits.
+    pub(super) fn within(
+        most: Limits,
         surface: &Surface,
         strokes: &Strokes,
         skin: Option<Arc<Skin>>,
@@ -145,17 +230,20 @@ impl Painting {
             looking: Vec::new(),
         };
         let weight = AtomicUsize::new(0);
+        let mut room = Room::new(most.entries, progress);
         for some in strokes.strokes.chunks(4096) {
             progress.check()?;
             let skin = painting.skin.as_deref();
             let lay = |stroke| {
                 let laid = Laid::new(stroke, &ground, skin);
                 let before = weight.fetch_add(laid.weight(), Ordering::Relaxed);
-                (before + laid.weight() <= most).then_some(laid)
+                (before + laid.weight() <= most.pieces).then_some(laid)
             };
             let laid: Option<Vec<Laid>> = some.par_iter().map(lay).collect();
-            let laid = laid.ok_or_else(|| too_many_pieces(most))?;
-            laid.into_iter().for_each(|l| painting.sort_in(l));
+            let laid = laid.ok_or_else(|| too_many_pieces(most.pieces))?;
+            for one in laid {
+                painting.sort_in(one, &mut room)?;
+            }
         }
         Ok(painting)
     }
@@ -225,7 +313,10 @@ impl Painting {
     /// Adds a stroke at the end.
     pub fn push(&mut self, stroke: &Arc<Stroke>) {
         let laid = Laid::new(stroke, &self.ground, self.skin.as_deref());
-        self.sort_in(laid);
+        let progress = Progress::none();
+        let mut room = Room::new(usize::MAX, &progress);
+        self.sort_in(laid, &mut room)
+            .expect("room without end, and nobody who cancels");
     }
 
     /// Takes the last stroke away.
@@ -255,56 +346,81 @@ impl Painting {
         down.flat_map(move |y| across.clone().map(move |x| (y * columns + x) as usize))
     }
 
-    fn sort_in(&mut self, mut laid: Laid) {
+    fn sort_in(&mut self, mut laid: Laid, room: &mut Room<'_>) -> Result<()> {
         let number = self.strokes.len() as u32;
-        let whole = Rect {
-            x: 0,
-            y: 0,
-            width: self.ground.grid.width,
-            height: self.ground.grid.height,
-        };
         if laid.is_everywhere() {
-            laid.bounds = Some(whole);
+            laid.bounds = Some(Rect {
+                x: 0,
+                y: 0,
+                width: self.ground.grid.width,
+                height: self.ground.grid.height,
+            });
             self.everywhere.push(number);
         }
-        let Self {
-            ground,
-            tiles,
-            columns,
-            ..
-        } = self;
-        for (n, piece) in laid.pieces.iter().enumerate() {
-            ground.rects(piece, &laid.shape, |rect, period| {
-                laid.bounds = Some(laid.bounds.map_or(rect, |b| b.hull(rect)));
-                let entry = Entry {
-                    stroke: number,
-                    first: n as u32,
-                    end: n as u32 + 1,
-                    period,
-                };
-                let stamp = Stamp::new(piece, ground.shift(period));
-                sort_piece(&stamp, &laid.shape, ground, rect, |x, y| {
-                    add_entry(&mut tiles[(y * *columns + x) as usize], entry);
-                });
-            });
-        }
-        for (n, piece) in laid.solid.iter().enumerate() {
-            let skin = self.skin.as_deref().expect("solid pieces come of one");
-            for (tile, rect) in solid::touched(piece, &laid.shape, skin) {
-                laid.bounds = Some(laid.bounds.map_or(rect, |b| b.hull(rect)));
-                let entry = Entry {
-                    stroke: number,
-                    first: n as u32,
-                    end: n as u32 + 1,
-                    period: (0, 0),
-                };
-                add_entry(&mut tiles[tile as usize], entry);
-            }
-        }
+        self.sort_flat(number, &mut laid, room)?;
+        self.sort_solid(number, &mut laid, room)?;
         if laid.looks() && laid.bounds.is_some() {
             self.looking.push(number);
         }
         self.strokes.push(laid);
+        Ok(())
+    }
+
+    /// Enters the pieces in UV, period by period: so what goes on in a tile follows what it goes on from.
+    fn sort_flat(&mut self, stroke: u32, laid: &mut Laid, room: &mut Room<'_>) -> Result<()> {
+        let Laid {
+            pieces,
+            shape,
+            bounds: all,
+            ..
+        } = laid;
+        let boxes = pieces.iter().map(|piece| bounds(piece, shape));
+        let Some((low, high)) = boxes.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
+            return Ok(());
+        };
+        let ground = self.ground;
+        for period in ground.periods(low, high) {
+            let shift = ground.shift(period);
+            for (n, piece) in (0..).zip(pieces.iter()) {
+                room.visit(1)?;
+                let (low, high) = bounds(piece, shape);
+                let Some(rect) = ground.grid.cover(low + shift, high + shift) else {
+                    continue;
+                };
+                *all = Some(all.map_or(rect, |all| all.hull(rect)));
+                let entry = Entry {
+                    stroke,
+                    first: n,
+                    end: n + 1,
+                    period,
+                };
+                let stamp = Stamp::new(piece, shift);
+                sort_piece(&stamp, shape, &ground, rect, |x, y| {
+                    room.add(&mut self.tiles[(y * self.columns + x) as usize], entry)
+                })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Enters the pieces on the mesh.
+    fn sort_solid(&mut self, stroke: u32, laid: &mut Laid, room: &mut Room<'_>) -> Result<()> {
+        for (n, piece) in (0..).zip(&laid.solid) {
+            let skin = self.skin.as_deref().expect("solid pieces come of one");
+            // Looking a place up in the mesh takes as long as many tiles.
+            room.visit(VISITS / 16)?;
+            for (tile, rect) in solid::touched(piece, &laid.shape, skin) {
+                laid.bounds = Some(laid.bounds.map_or(rect, |b| b.hull(rect)));
+                let entry = Entry {
+                    stroke,
+                    first: n,
+                    end: n + 1,
+                    period: (0, 0),
+                };
+                room.add(&mut self.tiles[tile as usize], entry)?;
+            }
+        }
+        Ok(())
     }
 
     /// The rectangle that must be known below the layer for `rect` to be painted: larger where a stroke looks around itself.
@@ -553,8 +669,8 @@ fn sort_piece(
     shape: &Shape,
     ground: &Ground,
     rect: Rect,
-    mut visit: impl FnMut(u32, u32),
-) {
+    mut visit: impl FnMut(u32, u32) -> Result<()>,
+) -> Result<()> {
     let grid = &ground.grid;
     let reach = stamp.reach(shape) + 0.02 * shape.texel;
     let right_most = rect.x + rect.width - 1;
@@ -566,20 +682,8 @@ fn sort_piece(
         let column = |x: f32| ((x / grid.texel.x).max(0.0) as u32).clamp(rect.x, right_most) / TILE;
         // A texel to spare on both sides.
         for x in column(left - grid.texel.x)..=column(right + grid.texel.x) {
-            visit(x, y);
+            visit(x, y)?;
         }
     }
-}
-
-/// Adds a piece to a tile's list: to the last run, when it goes on there.
-fn add_entry(entries: &mut Vec<Entry>, new: Entry) {
-    let ours = entries
-        .iter_mut()
-        .rev()
-        .take_while(|e| e.stroke == new.stroke);
-    let mut same = ours.filter(|e| e.period == new.period);
-    match same.next() {
-        Some(last) if new.first <= last.end + GAP => last.end = new.end,
-        _ => entries.push(new),
-    }
+    Ok(())
 }

@@ -716,13 +716,78 @@ fn strokes_of_too_many_pieces_are_refused() {
         mesh: None,
     };
     // 0.8 in steps of 0.25 x 0.02 are 161 dabs, and as many on the other side.
-    let laid = |n| Painting::of_pieces(1000, &surface, &strokes(n), None, &Progress::none());
+    let most = painting::Limits {
+        pieces: 1000,
+        entries: 1000,
+    };
+    let laid = |n| Painting::within(most, &surface, &strokes(n), None, &Progress::none());
     assert_eq!(laid(3).unwrap().len(), 3);
     let wrong = laid(4).err().expect("too many").to_string();
     assert!(
         wrong.contains("more than 1000") && wrong.contains("Space the dabs wider"),
         "{wrong}"
     );
+}
+
+/// A dab that is far broader than the map, which repeats.
+fn broad(surface: &Surface) -> Arc<Stroke> {
+    assert_eq!(surface.wrap, Wrap::Repeat);
+    let one = Brush {
+        radius: 10.0,
+        ..brush(Tool::Erase)
+    };
+    stroke(&one, &[(0.5, 0.5, 1.0)])
+}
+
+#[test]
+fn strokes_that_reach_too_many_tiles_are_refused() {
+    let surface = surface(128, 128, Wrap::Repeat);
+    let one = broad(&surface);
+    let entries = painting(&surface, std::slice::from_ref(&one)).entries();
+    // In each of four tiles about as many turns as a circle of that radius has.
+    assert!((4 * 250..4 * 500).contains(&entries), "{entries}");
+    let strokes = |n: usize| Strokes {
+        strokes: vec![one.clone(); n],
+        mesh: None,
+    };
+    let most = painting::Limits {
+        pieces: 1000,
+        entries: 3 * entries,
+    };
+    let laid = |n| Painting::within(most, &surface, &strokes(n), None, &Progress::none());
+    assert_eq!(laid(3).unwrap().entries(), 3 * entries);
+    let wrong = laid(4).err().expect("too many").to_string();
+    let said = format!("more than {} tiles", 3 * entries);
+    assert!(
+        wrong.contains(&said) && wrong.contains("brushes narrower"),
+        "{wrong}"
+    );
+}
+
+#[test]
+fn a_stroke_that_reaches_over_many_turns_has_one_entry_for_each() {
+    let surface = surface(128, 128, Wrap::Repeat);
+    let dab = painting(&surface, &[broad(&surface)]).entries();
+    let path: Vec<_> = (0..30)
+        .map(|n| (0.5 + 0.001 * n as f32, 0.5, 1.0))
+        .collect();
+    let line = stroke(broad(&surface).brush(), &path);
+    let line = painting(&surface, &[line]).entries();
+    assert!((dab..dab + dab / 8).contains(&line), "{line} and {dab}");
+}
+
+#[test]
+fn laying_strokes_asks_whether_to_go_on() {
+    let surface = surface(512, 512, Wrap::Repeat);
+    let few = Strokes {
+        strokes: vec![broad(&surface); 20],
+        mesh: None,
+    };
+    let asked = std::sync::atomic::AtomicUsize::new(0);
+    let stop = |_, _| asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) < 3;
+    let laid = Painting::new(&surface, &few, None, &Progress::new(&stop));
+    assert!(matches!(laid, Err(crate::error::Error::Cancelled)));
+    assert_eq!(asked.into_inner(), 4);
 }
 
 #[test]
