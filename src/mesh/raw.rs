@@ -223,6 +223,8 @@ struct Fans {
     /// Triangles, each with its angle at the place, in their order.
     around: Vec<(u32, f32)>,
     normals: Vec<Vec3>,
+    /// The normals of the places at which all triangles count.
+    whole: HashMap<u32, Vec3>,
 }
 
 impl Fans {
@@ -256,32 +258,52 @@ impl Fans {
                 *to += 1;
             }
         }
-        Self {
+        let mut fans = Self {
             places,
             starts,
             around,
             normals,
+            whole: HashMap::new(),
+        };
+        for place in 0..fans.starts.len() as u32 - 1 {
+            if fans.around(place).len() > FAN_MAX {
+                fans.whole.insert(place, fans.mean(place, |_| true));
+            }
         }
+        fans
     }
 
-    /// The normal of a triangle's corner at a vertex: the same bits for all triangles that count the same others.
-    fn normal(&self, triangle: u32, vertex: u32) -> Vec3 {
-        let place = self.places[vertex as usize] as usize;
-        let fan = &self.around[self.starts[place] as usize..self.starts[place + 1] as usize];
-        let own = self.normals[triangle as usize];
-        let least = if fan.len() > FAN_MAX || own == Vec3::ZERO {
-            -2.0
-        } else {
-            SHARP_DEGREES.to_radians().cos()
-        };
+    /// The triangles of a place.
+    fn around(&self, place: u32) -> &[(u32, f32)] {
+        let place = place as usize;
+        &self.around[self.starts[place] as usize..self.starts[place + 1] as usize]
+    }
+
+    /// The mean of the normals that count at a place.
+    fn mean(&self, place: u32, counts: impl Fn(Vec3) -> bool) -> Vec3 {
         let mut sum = Vec3::ZERO;
-        for (other, angle) in fan {
-            let normal = self.normals[*other as usize];
-            if own.dot(normal) >= least {
+        for (triangle, angle) in self.around(place) {
+            let normal = self.normals[*triangle as usize];
+            if counts(normal) {
                 sum += normal * *angle;
             }
         }
         direction(sum)
+    }
+
+    /// The normal of a triangle's corner at a vertex: the same bits for all triangles that count the same others.
+    fn normal(&self, triangle: u32, vertex: u32) -> Vec3 {
+        let place = self.places[vertex as usize];
+        if let Some(normal) = self.whole.get(&place) {
+            return *normal;
+        }
+        let own = self.normals[triangle as usize];
+        let least = if own == Vec3::ZERO {
+            -2.0
+        } else {
+            SHARP_DEGREES.to_radians().cos()
+        };
+        self.mean(place, |normal| own.dot(normal) >= least)
     }
 }
 
@@ -392,4 +414,46 @@ pub(super) fn check_triangle_count(count: usize) -> Result<(), Fault> {
         });
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cone of so many sides, whose triangles meet in the first vertex; steep enough that opposite sides are a sharp edge.
+    fn cone(sides: u32) -> Raw {
+        let rim = |n: u32| {
+            let (sin, cos) = math::sin_cos(std::f32::consts::TAU * n as f32 / sides as f32);
+            Vec3::new(cos, sin, -1.0)
+        };
+        Raw {
+            positions: std::iter::once(Vec3::ZERO)
+                .chain((0..sides).map(rim))
+                .collect(),
+            uvs: Vec::new(),
+            normals: Vec::new(),
+            tangents: Vec::new(),
+            triangles: (0..sides)
+                .map(|n| [0, 1 + n, 1 + (n + 1) % sides])
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn where_very_many_triangles_meet_their_normal_is_made_once() {
+        let sides = 300_000;
+        let cone_of_many = cone(sides);
+        let fans = Fans::of(&cone_of_many.positions, &cone_of_many.triangles);
+        assert_eq!(fans.whole.len(), 1, "that of the tip");
+        let all = fans.mean(0, |_| true);
+        assert!((0..sides).all(|n| fans.normal(n, 0) == all));
+        let mesh = cone_of_many.complete(MissingNormals::Creased).unwrap();
+        assert_eq!(mesh.positions.len(), sides as usize + 1);
+        assert!(mesh.normals[0].z > 0.99, "{}", mesh.normals[0]);
+        // Of few sides, those beyond a sharp edge do not count.
+        let few = cone(16);
+        assert!(Fans::of(&few.positions, &few.triangles).whole.is_empty());
+        let mesh = few.complete(MissingNormals::Creased).unwrap();
+        assert_eq!(mesh.positions.len(), 32, "a tip for each side");
+    }
 }
