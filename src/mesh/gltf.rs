@@ -166,7 +166,9 @@ pub(super) fn parse(path: &Path, bytes: &[u8], projection: Option<Projection>) -
         without_uvs: projection.is_some(),
     };
     let mut mesh = Mesh::empty("", 1.0);
-    for (index, place) in placements(&document).map_err(damaged)? {
+    let places = placements(&document).map_err(damaged)?;
+    source.check_total(&places)?;
+    for (index, place) in places {
         source.append_mesh(&mut mesh, index, place)?;
     }
     if mesh.triangles.is_empty() {
@@ -216,16 +218,20 @@ pub(super) fn about(json: &[u8]) -> Result<(usize, bool), String> {
             let corners = primitive.indices.or(primitive.attributes.position);
             let corners = corners.and_then(|i| document.accessors.get(i));
             let corners = corners.map_or(0, |a| a.count);
-            let more = if mode == 4 {
-                corners / 3
-            } else {
-                corners.saturating_sub(2)
-            };
-            triangles = triangles.saturating_add(more);
+            triangles = triangles.saturating_add(triangle_count(mode, corners));
             has_uvs &= primitive.attributes.uv.is_some();
         }
     }
     Ok((triangles, has_uvs))
+}
+
+/// How many triangles so many corners are, one by one (mode 4), in a strip or in a fan.
+fn triangle_count(mode: u32, corners: usize) -> usize {
+    if mode == 4 {
+        corners / 3
+    } else {
+        corners.saturating_sub(2)
+    }
 }
 
 fn read_document(json: &[u8]) -> Result<Document, String> {
@@ -497,6 +503,35 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
+    /// Refuses a scene of too many triangles before any of them is read: a small mesh may stand in many places.
+    fn check_total(&self, places: &[(usize, Mat4)]) -> Result<()> {
+        let meshes = self.document.meshes.iter();
+        let counts: Vec<usize> = meshes.map(|mesh| self.triangles_of(mesh)).collect();
+        let placed = places.iter().filter_map(|(mesh, _)| counts.get(*mesh));
+        let total = placed.fold(0usize, |sum, count| sum.saturating_add(*count));
+        check_triangle_count(total).map_err(|f| {
+            let hint = f.hint.unwrap_or(DAMAGED_HINT);
+            Error::file(self.path, f.problem).with_hint(hint)
+        })
+    }
+
+    /// How many triangles a mesh has; of a damaged part none, which reading it tells.
+    fn triangles_of(&self, mesh: &MeshEntry) -> usize {
+        let count = |primitive: &Primitive| {
+            let (what, index) = match primitive.indices {
+                Some(index) => (("indices", 1), index),
+                None => (("POSITION", 3), primitive.attributes.position?),
+            };
+            let mode = primitive.mode.unwrap_or(4);
+            let corners = self.elements(what.0, index, what.1).ok()?.count;
+            (4..=6)
+                .contains(&mode)
+                .then(|| triangle_count(mode, corners))
+        };
+        let counts = mesh.primitives.iter().filter_map(count);
+        counts.fold(0, usize::saturating_add)
+    }
+
     fn append_mesh(&self, mesh: &mut Mesh, index: usize, place: Mat4) -> Result<()> {
         let entry = self.document.meshes.get(index).ok_or_else(|| {
             let held = self.document.meshes.len();
@@ -592,11 +627,7 @@ impl Source<'_> {
                 .into());
         }
         let corners = indices.as_ref().map_or(vertices, |i| i.count);
-        let count = if mode == 4 {
-            corners / 3
-        } else {
-            corners.saturating_sub(2)
-        };
+        let count = triangle_count(mode, corners);
         if mode == 4 && corners % 3 != 0 {
             return Err(format!("{corners} corners, which is no multiple of 3").into());
         }

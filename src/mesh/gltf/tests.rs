@@ -509,6 +509,32 @@ fn write_broken_files() {
 }
 
 #[test]
+fn a_mesh_that_stands_in_too_many_places_is_refused_before_it_is_read() {
+    let (mut document, mut data) = quad(true);
+    let (corners, start) = (66_000, data.len());
+    data.resize(start + corners, 0);
+    document["buffers"][0]["byteLength"] = json!(data.len());
+    document["bufferViews"][4] = json!({ "buffer": 0, "byteOffset": start, "byteLength": corners });
+    document["accessors"][4] =
+        json!({ "bufferView": 4, "componentType": 5121, "count": corners, "type": "SCALAR" });
+    let mut standing = |places: usize| {
+        // What is wrong with the first place would be told if it were read.
+        let mut nodes = vec![json!({ "mesh": 0, "scale": [1e30, 1, 1] })];
+        nodes.resize(places, json!({ "mesh": 0 }));
+        document["nodes"] = json!(nodes);
+        document["scenes"][0]["nodes"] = json!((0..places).collect::<Vec<_>>());
+        read(&document, &data).unwrap_err().to_string()
+    };
+    let e = standing(455);
+    assert!(
+        e.contains("more than 10000000") && e.contains("Decimate"),
+        "{e}"
+    );
+    let e = standing(454);
+    assert!(e.contains("takes a vertex"), "{e}");
+}
+
+#[test]
 fn too_many_triangles_are_no_damage() {
     let corners = crate::mesh::MAX_TRIANGLES + 3;
     let (mut document, mut data) = quad(true);
