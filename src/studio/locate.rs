@@ -1,6 +1,7 @@
 //! Where a place of the map is on the mesh, for the cursor that both pictures share.
 
 use super::{Show, Studio};
+use crate::map::Wrap;
 use crate::mesh::Mesh;
 use crate::raster::View;
 use glam::{Vec2, Vec3};
@@ -30,7 +31,8 @@ impl Studio {
             let near = 3.0 * hit.pixel;
             (hit.position.distance(*position) <= near).then_some(place)
         };
-        let places: Vec<Vec2> = positions(mesh, uv).iter().filter_map(seen).collect();
+        let wrap = self.recipe().wrap;
+        let places: Vec<Vec2> = positions(mesh, uv, wrap).iter().filter_map(seen).collect();
         match self.viewport().show() {
             Show::Pair(..) => {
                 let beside = Vec2::new(panel.width() as f32, 0.0);
@@ -42,14 +44,14 @@ impl Studio {
 }
 
 /// The places of a mesh that show a place of the map, of those that are one on the surface the first.
-fn positions(mesh: &Mesh, uv: Vec2) -> Vec<Vec3> {
+fn positions(mesh: &Mesh, uv: Vec2, wrap: Wrap) -> Vec<Vec3> {
     let found: Vec<Vec3> = mesh
         .triangles
         .par_iter()
         .with_min_len(8192)
         .filter_map(|triangle| {
             let corners = triangle.map(|i| i as usize);
-            let weights = within(corners.map(|i| mesh.uvs[i]), uv)?;
+            let weights = within(corners.map(|i| mesh.uvs[i]), uv, wrap)?;
             let at = corners.iter().zip(weights);
             Some(at.map(|(i, w)| mesh.positions[*i] * w).sum())
         })
@@ -64,11 +66,23 @@ fn positions(mesh: &Mesh, uv: Vec2) -> Vec<Vec3> {
     apart
 }
 
-/// The weights of a triangle's corners at a place of the map, in whichever turn of it the triangle lies.
-fn within(corners: [Vec2; 3], uv: Vec2) -> Option<[f32; 3]> {
+/// The weights of a triangle's corners at a place of the map, in whichever turn of it the triangle lies; along a side that does
+/// not repeat there is only the one.
+fn within(corners: [Vec2; 3], uv: Vec2, wrap: Wrap) -> Option<[f32; 3]> {
     let [a, b, c] = corners;
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    let (first, last) = ((low - uv).ceil(), (high - uv).floor());
+    let turns = |low: f32, high: f32, repeats: bool| {
+        let (first, last) = (low.ceil(), high.floor());
+        if repeats {
+            (first, last)
+        } else {
+            (first.max(0.0), last.min(0.0))
+        }
+    };
+    let (low, high) = (low - uv, high - uv);
+    let across = turns(low.x, high.x, wrap.repeats_u());
+    let up = turns(low.y, high.y, wrap.repeats_v());
+    let (first, last) = (Vec2::new(across.0, up.0), Vec2::new(across.1, up.1));
     if first.x > last.x || first.y > last.y {
         return None;
     }
@@ -95,10 +109,26 @@ mod tests {
                 |of: &dyn Fn(usize) -> Vec3| corners.iter().map(|i| of(*i)).sum::<Vec3>() / 3.0;
             let uv = middle(&|i| torus.uvs[i].extend(0.0)).truncate();
             let wanted = middle(&|i| torus.positions[i]);
-            let found = positions(&torus, uv - uv.floor());
+            let found = positions(&torus, uv - uv.floor(), Wrap::Repeat);
             let near = found.iter().any(|p| p.distance(wanted) < 1e-3);
             assert!(near, "triangle {i}: {found:?}, and not {wanted}");
         }
-        assert!(positions(&torus, Vec2::NAN).is_empty());
+        assert!(positions(&torus, Vec2::NAN, Wrap::Repeat).is_empty());
+    }
+
+    #[test]
+    fn other_turns_count_only_along_sides_that_repeat() {
+        let mut plane = mesh::builtin("plane").unwrap();
+        let uv = Vec2::new(0.3, 0.4);
+        let places = |mesh: &Mesh| {
+            let wraps = [Wrap::Repeat, Wrap::RepeatU, Wrap::Clamp];
+            wraps.map(|wrap| positions(mesh, uv, wrap).len())
+        };
+        let moved = |mesh: &mut Mesh, by: Vec2| mesh.uvs.iter_mut().for_each(|uv| *uv += by);
+        assert_eq!(places(&plane), [1, 1, 1]);
+        moved(&mut plane, Vec2::X);
+        assert_eq!(places(&plane), [1, 1, 0]);
+        moved(&mut plane, -2.0 * Vec2::ONE);
+        assert_eq!(places(&plane), [1, 0, 0]);
     }
 }
