@@ -56,6 +56,23 @@ impl Ground {
         up.flat_map(move |y| across.clone().map(move |x| (x, y)))
     }
 
+    /// Whole turns of UV by which places lie away from the map, those not all of which [`Ground::periods`] would find.
+    pub(super) fn turns_away(&self, uvs: &[Vec2; 3]) -> Vec2 {
+        let away = |[a, b, c]: [f32; 3], repeats: bool| {
+            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+            let is_found = low >= -PERIODS_MAX && high <= 1.0 + PERIODS_MAX;
+            if is_found || !repeats {
+                0.0
+            } else {
+                (0.5 * (low + high)).floor()
+            }
+        };
+        Vec2::new(
+            away(uvs.map(|uv| uv.x), self.wrap.repeats_u()),
+            away(uvs.map(|uv| uv.y), self.wrap.repeats_v()),
+        )
+    }
+
     pub(super) fn shift(&self, (x, y): (i8, i8)) -> Vec2 {
         Vec2::new(f32::from(x), f32::from(y)) * self.grid.extent
     }

@@ -156,10 +156,12 @@ impl Skin {
         self.scale * self.ground.grid.texel.max_element()
     }
 
-    /// The corners of a triangle in the layout, surface units.
+    /// The corners of a triangle in the layout, surface units: moved by whole turns near the map where it repeats and they lie
+    /// farther from it than is looked.
     fn layout(&self, n: u32) -> [Vec2; 3] {
-        let uv = |i: u32| self.mesh().uvs[i as usize] * self.ground.grid.extent;
-        self.mesh().triangles[n as usize].map(uv)
+        let uvs = self.mesh().triangles[n as usize].map(|i| self.mesh().uvs[i as usize]);
+        let away = self.ground.turns_away(&uvs);
+        uvs.map(|uv| (uv - away) * self.ground.grid.extent)
     }
 
     fn corners(&self, n: u32) -> [Vec3; 3] {

@@ -1300,6 +1300,39 @@ mod on_mesh {
     }
 
     #[test]
+    fn a_layout_many_turns_away_is_painted_where_the_map_repeats() {
+        let painted_at = |turns: Vec2, wrap: Wrap| {
+            let mut mesh = mesh::builtin("plane").unwrap();
+            // In steps that f32 holds as well so far away.
+            let snapped = |uv: Vec2| (uv * 1024.0).round() / 1024.0;
+            mesh.uvs
+                .iter_mut()
+                .for_each(|uv| *uv = snapped(*uv) + turns);
+            let (surface, skin) = skin(mesh, 96, 96, wrap);
+            let corners = [skin.mesh().positions[0], -skin.mesh().positions[0]];
+            let path = corners.map(|p| (0.5 * p, skin.mesh().normals[0]));
+            let one = Brush {
+                radius: 0.2 * skin.scale(),
+                ..brush(Tool::Groove(Groove::default()))
+            };
+            let painting = painting(&surface, &skin, &[stroke_of(&one, &skin, &path)]);
+            painted(&painting, &ground(surface.size), surface.size.rect())
+        };
+        let here = painted_at(Vec2::ZERO, Wrap::Repeat);
+        assert!(here.1.contains(&1.0) && here.1.contains(&0.0));
+        for turns in [
+            Vec2::new(15.0, -15.0),
+            Vec2::new(16.0, -16.0),
+            Vec2::new(17.0, 18.0),
+            Vec2::new(-40.0, 1000.0),
+        ] {
+            assert!(painted_at(turns, Wrap::Repeat) == here, "{turns}");
+        }
+        let beyond = painted_at(Vec2::new(0.0, 20.0), Wrap::RepeatU);
+        assert!(beyond.1.iter().all(|c| *c == 0.0), "v does not repeat");
+    }
+
+    #[test]
     fn what_faces_away_keeps_its_own_paint() {
         let (surface, skin) = skin(pot(), 512, 427, Wrap::RepeatU);
         let wide = Brush {
