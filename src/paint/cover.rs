@@ -73,6 +73,9 @@ pub(super) struct Cover {
     pub(super) spans: [(u8, u8); SIDE],
 }
 
+/// What boxes have to spare for rounding, texels: sixteen turns away f32 rounds by a 64th of a texel of a map of 16384.
+pub(super) const SPARE: f32 = 0.05;
+
 /// How much farther away a piece counts beyond the bends at its ends, in breadths of its fall.
 pub(super) const BEND: f32 = 0.01;
 
@@ -196,7 +199,7 @@ impl Cover {
         rect: Rect,
     ) {
         let stamp = Stamp::new(piece, shift);
-        let reach = stamp.reach(shape) + 0.01 * shape.texel;
+        let reach = stamp.reach(shape) + SPARE * shape.texel;
         let (top, bottom) = (grid.y(rect.y), grid.y(rect.y + rect.height - 1));
         if stamp.span(bottom, top, reach).is_none() {
             return;
@@ -233,7 +236,7 @@ impl Grid {
         self.extent.y - (row as f32 + 0.5) * self.texel.y
     }
 
-    /// The texels whose centres may lie in a box, which has a hundredth of a texel to spare for rounding; `None` outside the map.
+    /// The texels whose centres may lie in a box, which has [`SPARE`] texels to spare for rounding; `None` outside the map.
     pub(super) fn cover(&self, low: Vec2, high: Vec2) -> Option<Rect> {
         let clamp = |x: f32, n: u32| (x.max(0.0) as u32).min(n);
         let left = clamp((low.x / self.texel.x - 0.5).ceil(), self.width);
@@ -457,6 +460,6 @@ fn add_lane(
 /// The box that a piece may cover anything in.
 pub(super) fn bounds(piece: &Piece<Vec2>, shape: &Shape) -> (Vec2, Vec2) {
     let [a, b] = piece.ends;
-    let reach = Vec2::splat(shape.reach(a.radius.max(b.radius)) + 0.01 * shape.texel);
+    let reach = Vec2::splat(shape.reach(a.radius.max(b.radius)) + SPARE * shape.texel);
     (a.at.min(b.at) - reach, a.at.max(b.at) + reach)
 }

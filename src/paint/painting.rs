@@ -1,7 +1,7 @@
 //! Many strokes on a surface, sorted into tiles so that a rectangle touches only the strokes that reach it.
 
 use super::composite::{Planes, View, Work, apply};
-use super::cover::{Cover, Shape, Stamp, TILE, bounds};
+use super::cover::{Cover, SPARE, Shape, Stamp, TILE, bounds};
 use super::laid::{Ground, pieces};
 use super::skin::Skin;
 use super::smooth::Kernel;
@@ -672,7 +672,7 @@ fn sort_piece(
     mut visit: impl FnMut(u32, u32) -> Result<()>,
 ) -> Result<()> {
     let grid = &ground.grid;
-    let reach = stamp.reach(shape) + 0.02 * shape.texel;
+    let reach = stamp.reach(shape) + 2.0 * SPARE * shape.texel;
     let right_most = rect.x + rect.width - 1;
     for y in rect.y / TILE..(rect.y + rect.height).div_ceil(TILE) {
         let (top, bottom) = (grid.y(y * TILE), grid.y(y * TILE + TILE - 1));

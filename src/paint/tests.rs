@@ -864,6 +864,55 @@ fn numbers_that_are_none_are_no_points() {
     assert!(points.is_empty() && Stroke::on_mesh(brush, 0, points).is_err());
 }
 
+#[test]
+fn boxes_hold_all_that_is_covered_however_far_it_was_moved() {
+    let surface = surface(16384, 16100, Wrap::Repeat);
+    let ground = laid::Ground::new(&surface);
+    let round = Brush {
+        hardness: 1.0,
+        ..brush(Tool::Erase)
+    };
+    let shape = ground.shape(&round);
+    let mut cover = cover::Cover::new(glam::IVec2::ZERO, false);
+    let row = 8192;
+    let mut found = 0;
+    for n in 0..40_000u32 {
+        let part = |n: u32| (n.wrapping_mul(2_654_435_761) >> 8) as f32 / (1u32 << 24) as f32;
+        // As far as copies lie, and with their rim in the farthest turn that is looked for.
+        let side = if n % 2 == 0 { 15.0 } else { -14.0 };
+        let node = trail::Node {
+            at: Vec2::new(side + 0.3 * part(2 * n), ground.grid.y(row)),
+            side: (),
+            radius: 1.3 + 0.4 * part(2 * n + 1),
+            flow: 1.0,
+        };
+        let piece = trail::Piece {
+            ends: [node; 2],
+            start: Vec2::X,
+            along: Vec2::X,
+            end: Vec2::X,
+        };
+        ground.rects(&piece, &shape, |rect, period| {
+            let beside = [rect.x.checked_sub(1), Some(rect.x + rect.width)];
+            for column in beside.into_iter().flatten().filter(|x| *x < 16384) {
+                let tile = Rect {
+                    x: column / cover::TILE * cover::TILE,
+                    y: row,
+                    width: cover::TILE,
+                    height: 1,
+                };
+                cover.clear(glam::IVec2::new(tile.x as i32, row as i32));
+                let shift = ground.shift(period);
+                cover.add(&piece, shift, &shape, &ground.grid, tile);
+                let weight = cover.weight[(column - tile.x) as usize];
+                assert_eq!(weight, 0.0, "{column} beside {rect:?} of {node:?}");
+                found += 1;
+            }
+        });
+    }
+    assert!(found > 40_000, "{found}");
+}
+
 /// Strokes on meshes.
 mod on_mesh {
     use super::*;
