@@ -377,9 +377,11 @@ fn prepare_mask(
 ) -> Result<PreparedMask> {
     let source = match &mask.source {
         MaskSource::Strokes(strokes) => {
-            let skin = skin(&format!("{at}.strokes"), strokes, surface, around)?;
+            let key = format!("{at}.strokes");
+            let skin = skin(&key, strokes, surface, around)?;
             Weights::Painted {
-                painting: Painting::new(surface, strokes, skin, around.progress)?,
+                painting: Painting::new(surface, strokes, skin, around.progress)
+                    .map_err(below(key))?,
                 start: mask.start.unwrap_or(0.0),
             }
         }
