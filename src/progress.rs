@@ -1,9 +1,9 @@
 //! How long work tells its caller how far it is, and how the caller stops it.
 
 use crate::error::{Error, Result};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// Asked after every step with (done, total); `false` cancels the work.
+/// Asked after every step, and within long ones, with (done, total); `false` cancels the work, for good.
 pub type ProgressFn<'a> = dyn Fn(u64, u64) -> bool + Sync + 'a;
 
 /// A counter of finished steps that many threads may advance. The library knows no terminal and no window:
@@ -12,6 +12,7 @@ pub struct Progress<'a> {
     report: Option<&'a ProgressFn<'a>>,
     done: AtomicU64,
     total: AtomicU64,
+    is_cancelled: AtomicBool,
 }
 
 impl<'a> Progress<'a> {
@@ -21,6 +22,7 @@ impl<'a> Progress<'a> {
             report: None,
             done: AtomicU64::new(0),
             total: AtomicU64::new(0),
+            is_cancelled: AtomicBool::new(false),
         }
     }
 
@@ -30,6 +32,7 @@ impl<'a> Progress<'a> {
             report: Some(report),
             done: AtomicU64::new(0),
             total: AtomicU64::new(0),
+            is_cancelled: AtomicBool::new(false),
         }
     }
 
@@ -56,12 +59,16 @@ impl<'a> Progress<'a> {
     }
 
     fn ask(&self, done: u64) -> Result<()> {
-        match self.report {
-            Some(report) if !report(done, self.total.load(Ordering::Relaxed).max(done)) => {
-                Err(Error::Cancelled)
-            }
-            _ => Ok(()),
+        let Some(report) = self.report else {
+            return Ok(());
+        };
+        let goes_on = !self.is_cancelled.load(Ordering::Relaxed)
+            && report(done, self.total.load(Ordering::Relaxed).max(done));
+        if goes_on {
+            return Ok(());
         }
+        self.is_cancelled.store(true, Ordering::Relaxed);
+        Err(Error::Cancelled)
     }
 }
 
@@ -77,5 +84,14 @@ mod tests {
         assert!(progress.step().is_ok());
         assert!(matches!(progress.step(), Err(Error::Cancelled)));
         assert!(Progress::none().step().is_ok());
+    }
+
+    #[test]
+    fn what_was_cancelled_stays_so() {
+        let only_once = |done: u64, _: u64| done != 1;
+        let progress = Progress::new(&only_once);
+        assert!(progress.check().is_ok());
+        assert!(progress.step().is_err());
+        assert!(progress.step().is_err() && progress.check().is_err());
     }
 }

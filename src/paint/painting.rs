@@ -65,6 +65,8 @@ struct Look {
 const PIECES_MAX: usize = 1 << 24;
 /// The most entries of a painting, all tiles together: a gigabyte of them.
 const ENTRIES_MAX: usize = 1 << 26;
+/// Strokes that are painted in a tile until it is asked whether to go on: a millisecond's work.
+const RUNS: usize = 64;
 /// Tiles that are visited until it is asked whether to go on.
 const VISITS: usize = 1 << 14;
 /// Pieces of a stroke that touch one tile are told as one run when no more than this lie between them.
@@ -484,6 +486,27 @@ impl Painting {
         now: &mut Region,
         coverage: &mut [f32],
     ) {
+        let nobody = Progress::none();
+        self.paint_while(range, rect, below, now, coverage, &nobody)
+            .expect("nobody cancels");
+    }
+
+    /// As [`Painting::paint`], asking every few strokes whether to go on.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] when `progress` says so; what is in `now` and `coverage` then means nothing.
+    ///
+    /// # Panics
+    /// As [`Painting::paint`].
+    pub fn paint_while(
+        &self,
+        range: Range<usize>,
+        rect: Rect,
+        below: &Region,
+        now: &mut Region,
+        coverage: &mut [f32],
+        progress: &Progress<'_>,
+    ) -> Result<()> {
         let all = below.rect();
         let looking = self.needed(range.clone(), rect);
         let first = looking.first().map_or(rect, |n| n.before);
@@ -496,11 +519,12 @@ impl Painting {
         let mut view = View::of(now, below, coverage);
         let mut done = range.start;
         for look in looking {
-            self.plain(done..look.stroke, look.before, view.reborrow());
+            self.plain(done..look.stroke, look.before, view.reborrow(), progress)?;
+            progress.check()?;
             self.smooth(&look, &mut view);
             done = look.stroke + 1;
         }
-        self.plain(done..range.end, rect, view);
+        self.plain(done..range.end, rect, view, progress)
     }
 
     /// How much of each texel of a rectangle the strokes have touched, in row order: goes on from what `coverage` holds.
@@ -508,9 +532,27 @@ impl Painting {
     /// # Panics
     /// When `coverage` is of another length.
     pub fn cover(&self, rect: Rect, coverage: &mut [f32]) {
+        let nobody = Progress::none();
+        self.cover_while(rect, coverage, &nobody)
+            .expect("nobody cancels");
+    }
+
+    /// As [`Painting::cover`], asking every few strokes whether to go on.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] when `progress` says so; what is in `coverage` then means nothing.
+    ///
+    /// # Panics
+    /// As [`Painting::cover`].
+    pub fn cover_while(
+        &self,
+        rect: Rect,
+        coverage: &mut [f32],
+        progress: &Progress<'_>,
+    ) -> Result<()> {
         assert_eq!(coverage.len(), rect.texels(), "a number for each texel");
         if !self.touches(self.len(), rect) {
-            return;
+            return Ok(());
         }
         // Coverage does not depend on what is painted over, nor on what a stroke sees around itself.
         let ground = Region::constant(rect, DEFAULT_TEXEL);
@@ -521,7 +563,10 @@ impl Painting {
             let Some(part) = self.rect_of(tile).intersection(rect) else {
                 continue;
             };
-            for (laid, run) in self.runs(tile, 0..self.len()) {
+            for (n, (laid, run)) in (1..).zip(self.runs(tile, 0..self.len())) {
+                if n % RUNS == 0 {
+                    progress.check()?;
+                }
                 self.cover_tile(laid, run, tile, part, &mut covered);
                 if !covered.is_empty() {
                     let below = view.below;
@@ -529,43 +574,56 @@ impl Painting {
                 }
             }
         }
+        Ok(())
     }
 
     /// Strokes that need each texel alone, band by band and tile by tile.
-    fn plain(&self, range: Range<usize>, rect: Rect, view: View<'_>) {
+    fn plain(
+        &self,
+        range: Range<usize>,
+        rect: Rect,
+        view: View<'_>,
+        progress: &Progress<'_>,
+    ) -> Result<()> {
         if range.is_empty() {
-            return;
+            return Ok(());
         }
         let work = |(band, mut view): (Rect, View<'_>), cover: &mut Cover| {
-            for tile in self.tiles_of(band) {
-                self.tile(tile, range.clone(), band, &mut view, cover);
-            }
+            let mut tiles = self.tiles_of(band);
+            tiles.try_for_each(|tile| {
+                let runs = self.runs(tile, range.clone());
+                self.tile((tile, runs), band, &mut view, cover, progress)
+            })
         };
         let bands = view.bands(rect);
         if bands.len() == 1 {
             let mut cover = Cover::new(IVec2::ZERO, true);
-            bands.into_iter().for_each(|b| work(b, &mut cover));
+            let mut bands = bands.into_iter();
+            bands.try_for_each(|band| work(band, &mut cover))
         } else {
-            bands.into_par_iter().for_each_init(
+            bands.into_par_iter().try_for_each_init(
                 || Cover::new(IVec2::ZERO, true),
                 |cover, band| work(band, cover),
-            );
+            )
         }
     }
 
     /// The strokes of one tile in the rows of a band.
-    fn tile(
-        &self,
-        tile: usize,
-        range: Range<usize>,
+    fn tile<'a>(
+        &'a self,
+        (tile, runs): (usize, impl Iterator<Item = (&'a Laid, &'a [Entry])>),
         band: Rect,
         view: &mut View<'_>,
         cover: &mut Cover,
-    ) {
+        progress: &Progress<'_>,
+    ) -> Result<()> {
         let Some(rect) = self.rect_of(tile).intersection(band) else {
-            return;
+            return Ok(());
         };
-        for (laid, run) in self.runs(tile, range) {
+        for (n, (laid, run)) in (1..).zip(runs) {
+            if n % RUNS == 0 {
+                progress.check()?;
+            }
             if laid.looks() {
                 continue; // it has its turn in `paint`
             }
@@ -575,6 +633,7 @@ impl Painting {
                 apply(laid.work, cover, rect, view, below);
             }
         }
+        Ok(())
     }
 
     /// The strokes of a range that may touch a tile, in their order, each with its entries there: none of one that works everywhere.

@@ -8,6 +8,7 @@ use crate::map::{
 use crate::math::{self, AXIS_MIN_LENGTH, Axis, choose, smoothstep};
 use crate::paint::Painting;
 use crate::pattern::{Fill, Patch};
+use crate::progress::Progress;
 use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use rayon::prelude::*;
@@ -42,16 +43,34 @@ impl Sheet {
     }
 }
 
-/// Room for one tile's work, kept from tile to tile.
-#[derive(Default)]
-pub(super) struct Scratch {
+/// Room for one tile's work, kept from tile to tile, and who is asked whether to go on with strokes: when that is denied, what
+/// is being filled means nothing, and whoever began it is told the same.
+pub(super) struct Scratch<'a> {
     pub(super) layer: [Vec<f32>; 4],
     pub(super) coverage: Vec<f32>,
     pub(super) value: Vec<f32>,
     pub(super) weight: Vec<f32>,
+    progress: &'a Progress<'a>,
 }
 
-impl Scratch {
+impl Default for Scratch<'_> {
+    fn default() -> Self {
+        static NOBODY: Progress<'static> = Progress::none();
+        Self::asking(&NOBODY)
+    }
+}
+
+impl<'a> Scratch<'a> {
+    pub(super) fn asking(progress: &'a Progress<'a>) -> Self {
+        Self {
+            layer: Default::default(),
+            coverage: Vec::new(),
+            value: Vec::new(),
+            weight: Vec::new(),
+            progress,
+        }
+    }
+
     pub(super) fn resize(&mut self, texels: usize) {
         let vectors = [&mut self.coverage, &mut self.value, &mut self.weight];
         for v in self.layer.iter_mut().chain(vectors) {
@@ -72,13 +91,12 @@ impl Scratch {
         }
         let mut now = below.clone();
         self.coverage.fill(0.0);
-        painting.paint(
-            0..painting.len(),
-            tile,
-            &below,
-            &mut now,
-            &mut self.coverage,
-        );
+        let all = 0..painting.len();
+        let (coverage, progress) = (&mut self.coverage, self.progress);
+        let painted = painting.paint_while(all, tile, &below, &mut now, coverage, progress);
+        if painted.is_err() {
+            return; // whoever began is told so
+        }
         copy(&now, &mut self.patch(tile).region);
         // What was painted holds what lies below it.
         self.coverage.fill(1.0);
@@ -117,7 +135,7 @@ fn copy(from: &Region, to: &mut RegionMut<'_>) {
 pub(super) fn composite(
     layers: &[PreparedLayer],
     region: &mut RegionMut<'_>,
-    scratch: &mut Scratch,
+    scratch: &mut Scratch<'_>,
 ) {
     // A stroke that looks around itself sees more of what lies below than the rectangle: all below it comes first, and larger.
     let looking = layers.iter().rposition(|l| l.looks(region.rect));
@@ -141,12 +159,12 @@ pub(super) fn composite(
 /// Calls `work` with every tile of a region and room for its work; bands of tiles side by side where there are several.
 fn each_tile(
     region: &mut RegionMut<'_>,
-    scratch: &mut Scratch,
-    work: impl Fn(&mut RegionMut<'_>, Rect, &mut Scratch) + Sync,
+    scratch: &mut Scratch<'_>,
+    work: impl Fn(&mut RegionMut<'_>, Rect, &mut Scratch<'_>) + Sync,
 ) {
     let width = region.rect.width.min(TILE_WIDTH);
     let height = (TILE_WIDTH * TILE_HEIGHT / width).min(region.rect.height);
-    let band = |mut band: RegionMut<'_>, scratch: &mut Scratch| {
+    let band = |mut band: RegionMut<'_>, scratch: &mut Scratch<'_>| {
         for tile in tiles(band.rect, width, height) {
             scratch.resize(tile.texels());
             work(&mut band, tile, scratch);
@@ -156,9 +174,11 @@ fn each_tile(
         return band(region.reborrow(), scratch);
     }
     let bands = region.reborrow().into_bands(height);
-    bands
-        .into_par_iter()
-        .for_each_init(Scratch::default, |scratch, part| band(part, scratch));
+    let progress = scratch.progress;
+    bands.into_par_iter().for_each_init(
+        || Scratch::asking(progress),
+        |scratch, part| band(part, scratch),
+    );
 }
 
 fn set_default(region: &mut RegionMut<'_>) {
@@ -184,7 +204,7 @@ pub(super) fn tiles(rect: Rect, width: u32, height: u32) -> impl Iterator<Item =
 
 impl PreparedLayer {
     /// Fills a tile of the layer and blends it over the region below.
-    fn blend_over(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch) {
+    fn blend_over(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch<'_>) {
         if let Some(mask) = &self.mask {
             mask.fill(tile, scratch);
             if scratch.weight.iter().all(|w| *w == 0.0) {
@@ -212,20 +232,20 @@ impl PreparedLayer {
     }
 
     /// Fills a region with the layers below and this one over them, a layer of strokes of which some look around themselves.
-    fn paint_over(&self, below: &[Self], region: &mut RegionMut<'_>, scratch: &mut Scratch) {
+    fn paint_over(&self, below: &[Self], region: &mut RegionMut<'_>, scratch: &mut Scratch<'_>) {
         let PreparedSource::Strokes(painting) = &self.source else {
             return composite(below, region, scratch);
         };
         let rect = region.rect;
         let mut under = Region::constant(painting.needs(rect), DEFAULT_TEXEL);
         composite(below, &mut under.view_mut(), scratch);
-        let painted = painted_over(painting, rect, &under);
+        let painted = painted_over(painting, rect, &under, scratch.progress);
         copy(&under, region);
         self.lay(&painted, region, scratch);
     }
 
     /// What the layer lays in a rectangle, if that does not depend on what lies below.
-    pub(super) fn sheet(&self, rect: Rect, scratch: &mut Scratch) -> Option<Sheet> {
+    pub(super) fn sheet(&self, rect: Rect, scratch: &mut Scratch<'_>) -> Option<Sheet> {
         let PreparedSource::Fill(source) = &self.source else {
             return None;
         };
@@ -248,7 +268,12 @@ impl PreparedLayer {
     }
 
     /// What the layer of such a source lays without its mask.
-    pub(super) fn own_sheet(&self, source: &dyn Fill, rect: Rect, scratch: &mut Scratch) -> Sheet {
+    pub(super) fn own_sheet(
+        &self,
+        source: &dyn Fill,
+        rect: Rect,
+        scratch: &mut Scratch<'_>,
+    ) -> Sheet {
         scratch.resize(rect.texels());
         source.fill(&mut scratch.patch(rect));
         self.weigh(scratch, false);
@@ -261,7 +286,7 @@ impl PreparedLayer {
         sheet: &Sheet,
         mask: &[f32],
         region: &mut Region,
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<'_>,
     ) {
         let (rect, all) = (region.rect(), sheet.texels.rect());
         let n = rect.width as usize;
@@ -294,7 +319,7 @@ impl PreparedLayer {
         &self,
         sheet: &Sheet,
         region: &mut RegionMut<'_>,
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<'_>,
     ) {
         if matches!(sheet.weight, Weight::Even(0.0)) {
             return;
@@ -322,7 +347,12 @@ impl PreparedLayer {
     }
 
     /// Blends what strokes made of a region, or of more than that, over it.
-    pub(super) fn lay(&self, painted: &Region, region: &mut RegionMut<'_>, scratch: &mut Scratch) {
+    pub(super) fn lay(
+        &self,
+        painted: &Region,
+        region: &mut RegionMut<'_>,
+        scratch: &mut Scratch<'_>,
+    ) {
         each_tile(region, scratch, |region, tile, scratch| {
             if let Some(mask) = &self.mask {
                 mask.fill(tile, scratch);
@@ -342,10 +372,10 @@ impl PreparedLayer {
     }
 
     /// Goes over the part `rect` of a region that holds what lies below it there, and as far around as the layer needs.
-    pub(super) fn go_over(&self, rect: Rect, region: &mut Region, scratch: &mut Scratch) {
+    pub(super) fn go_over(&self, rect: Rect, region: &mut Region, scratch: &mut Scratch<'_>) {
         match &self.source {
             PreparedSource::Strokes(painting) if painting.looks(rect) => {
-                let painted = painted_over(painting, rect, region);
+                let painted = painted_over(painting, rect, region, scratch.progress);
                 let mut part = Region::constant(rect, DEFAULT_TEXEL);
                 part.copy_from(region);
                 self.lay(&painted, &mut part.view_mut(), scratch);
@@ -358,7 +388,7 @@ impl PreparedLayer {
     }
 
     /// Makes coverage times mask times opacity of the mask's weights in the scratch.
-    fn weigh(&self, scratch: &mut Scratch, is_masked: bool) {
+    fn weigh(&self, scratch: &mut Scratch<'_>, is_masked: bool) {
         if is_masked {
             for (w, c) in scratch.weight.iter_mut().zip(&scratch.coverage) {
                 *w *= c * self.opacity;
@@ -371,7 +401,7 @@ impl PreparedLayer {
     }
 
     /// Blends what the scratch holds of the layer over a tile of the region below.
-    fn blend_tile(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch) {
+    fn blend_tile(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch<'_>) {
         self.weigh(scratch, self.mask.is_some());
         let n = tile.width as usize;
         for (j, y) in (tile.y..tile.y + tile.height).enumerate() {
@@ -407,7 +437,7 @@ impl PreparedLayer {
 }
 
 /// The sheet of what the scratch holds of a layer.
-pub(super) fn made(rect: Rect, scratch: &Scratch) -> Sheet {
+pub(super) fn made(rect: Rect, scratch: &Scratch<'_>) -> Sheet {
     let mut texels = Region::constant(rect, DEFAULT_TEXEL);
     let planes = [
         &mut texels.alpha_x,
@@ -556,12 +586,13 @@ fn blend_whole<S: Simd>(_: S, channels: Channels, row: &Row<'_>, planes: [&mut [
 
 impl PreparedMask {
     /// The weights of a tile, into the scratch's `weight`.
-    pub(super) fn fill(&self, tile: Rect, scratch: &mut Scratch) {
+    pub(super) fn fill(&self, tile: Rect, scratch: &mut Scratch<'_>) {
         match &self.source {
             Weights::Drawn(mask) => mask.fill(tile, &mut scratch.weight),
             Weights::Painted { painting, start } => {
                 scratch.weight.fill(*start);
-                painting.cover(tile, &mut scratch.weight);
+                // When that is cancelled, whoever began is told so.
+                let _ = painting.cover_while(tile, &mut scratch.weight, scratch.progress);
             }
             Weights::Value { source, low, high } => {
                 source.fill(&mut scratch.patch(tile));
@@ -588,11 +619,17 @@ pub(super) fn cover(below: Texel, over: Texel, coverage: f32) -> Texel {
     sum.to_texel(named.alpha_x > named.alpha_y, named.axis)
 }
 
-/// What all strokes make of a region; right in `rect`.
-pub(super) fn painted_over(painting: &Painting, rect: Rect, under: &Region) -> Region {
+/// What all strokes make of a region; right in `rect`, unless `progress` cancels.
+pub(super) fn painted_over(
+    painting: &Painting,
+    rect: Rect,
+    under: &Region,
+    progress: &Progress<'_>,
+) -> Region {
     let mut painted = under.clone();
     let mut coverage = vec![0.0; under.rect().texels()];
     let all = 0..painting.len();
-    painting.paint(all, rect, under, &mut painted, &mut coverage);
+    // When that is cancelled, whoever began is told so.
+    let _ = painting.paint_while(all, rect, under, &mut painted, &mut coverage, progress);
     painted
 }

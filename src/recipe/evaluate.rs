@@ -202,7 +202,7 @@ impl Prepared {
             Some(layer) => match &layer.source {
                 PreparedSource::Fill(source) => layer.own_sheet(&**source, rect, &mut scratch),
                 PreparedSource::Strokes(painting) => Sheet {
-                    texels: painted_over(painting, rect, &under).crop(rect),
+                    texels: painted_over(painting, rect, &under, &Progress::none()).crop(rect),
                     coverage: None,
                     weight: Weight::Even(layer.opacity),
                 },
@@ -260,7 +260,7 @@ impl Prepared {
         rect: Rect,
         region: &mut Region,
         above: Option<&Above>,
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<'_>,
     ) {
         let mut sheets = above.map(|a| a.sheets.iter());
         let first = self.layers.partition_point(|l| l.at <= at);
@@ -332,13 +332,14 @@ impl Prepared {
         };
         let bands = map.bands_mut(rows);
         progress.expect(bands.len() as u64);
-        bands
-            .into_par_iter()
-            .try_for_each_init(Scratch::default, |scratch, band| {
+        bands.into_par_iter().try_for_each_init(
+            || Scratch::asking(progress),
+            |scratch, band| {
                 progress.check()?;
                 self.fill_with(band, scratch);
                 progress.step()
-            })?;
+            },
+        )?;
         Ok(map)
     }
 
@@ -349,7 +350,9 @@ impl Prepared {
         progress.expect(squares.len() as u64);
         for square in squares {
             progress.check()?;
-            map.write_region(&self.region(square));
+            let mut region = Region::constant(square, DEFAULT_TEXEL);
+            self.fill_with(region.view_mut(), &mut Scratch::asking(progress));
+            map.write_region(&region);
             progress.step()?;
         }
         Ok(map)
@@ -371,7 +374,7 @@ impl Prepared {
         }
     }
 
-    fn fill_with(&self, mut region: RegionMut<'_>, scratch: &mut Scratch) {
+    fn fill_with(&self, mut region: RegionMut<'_>, scratch: &mut Scratch<'_>) {
         if let Some(layer) = self.only_layer() {
             fill_straight(layer, region.reborrow(), scratch);
         } else {
@@ -384,7 +387,7 @@ impl Prepared {
 }
 
 /// The pattern writes into the map itself; only what it does not cover is blended, with the default below it.
-fn fill_straight(source: &dyn Fill, region: RegionMut<'_>, scratch: &mut Scratch) {
+fn fill_straight(source: &dyn Fill, region: RegionMut<'_>, scratch: &mut Scratch<'_>) {
     let texels = region.rect.texels();
     scratch.coverage.resize(texels, 0.0);
     scratch.value.resize(texels, 0.0);
@@ -427,8 +430,11 @@ impl Turned {
 mod tests {
     use super::*;
     use crate::error::Error;
-    use crate::recipe::{Layer, RecipeFile, Source};
+    use crate::paint::{Brush, FillWith, Point, Smooth, Stroke, Strokes, Tool};
+    use crate::pattern::{Constant, Pattern};
+    use crate::recipe::{Layer, Mask, MaskSource, Recipe, RecipeFile, Source};
     use glam::Vec2;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     /// Every preset at 2048, reduced by slope covariance, against the same preset at 512.
     #[test]
@@ -800,6 +806,48 @@ mod tests {
             check(4096, "mask.feather = 0.1").is_ok(),
             "kept at fewer texels"
         );
+    }
+
+    #[test]
+    fn many_strokes_ask_whether_to_go_on() {
+        let strokes = |tool: Tool, n: usize| {
+            let brush = Arc::new(Brush {
+                tool,
+                radius: 0.4,
+                ..Brush::default()
+            });
+            let point = Point::new(Vec2::splat(0.5), 1.0).unwrap();
+            let one = Arc::new(Stroke::new(brush, 1, [point]).unwrap());
+            Strokes {
+                strokes: vec![one; n],
+                mesh: None,
+            }
+        };
+        let fill = strokes(Tool::Fill(FillWith::default()), 2000);
+        let mut masked = Layer::new(Source::Pattern(Pattern::Constant(Constant::default())));
+        masked.mask = Some(Mask::new(MaskSource::Strokes(fill.clone())));
+        let smooth = strokes(Tool::Smooth(Smooth::default()), 30);
+        for layer in [
+            Layer::new(Source::Strokes(fill)),
+            masked,
+            Layer::new(Source::Strokes(smooth)),
+        ] {
+            // One tile: asked before and after it alone, that would be twice.
+            let size = Size::new(64, 32).unwrap();
+            let recipe = Recipe {
+                size,
+                layers: vec![layer],
+                ..Recipe::default()
+            };
+            let prepared = recipe
+                .prepare(size, &Files::default(), &Progress::none())
+                .unwrap();
+            let asked = AtomicUsize::new(0);
+            let stop = |_, _| asked.fetch_add(1, Ordering::Relaxed) != 10;
+            let map = prepared.map(&Progress::new(&stop));
+            assert!(matches!(map, Err(Error::Cancelled)));
+            assert_eq!(asked.into_inner(), 11, "not asked again");
+        }
     }
 
     #[test]
