@@ -300,10 +300,14 @@ fn remove_if_old(path: &Path) {
 
 /// Reads a journal; `None` when a window has it open, or it has just ended.
 fn read(path: &Path, hold: Hold) -> Result<Option<LeftBehind>> {
-    if !path.exists() {
-        return Ok(None);
+    // The kind is asked first: opening a named pipe would wait for a writer.
+    if fs::metadata(path).is_ok_and(|about| !about.is_file()) {
+        open_regular(path)?; // says what it is
     }
-    let (file, _) = open_regular(path)?;
+    let file = match File::open(path) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+        file => file.map_err(Error::read(path))?,
+    };
     match hold(&file) {
         Holder::We => {}
         Holder::Another => return Ok(None),
