@@ -60,19 +60,19 @@ impl Prepared {
         self.surface.size
     }
 
-    /// The layers that were left out because of their files: see [`Recipe::prepare_readable`].
+    /// The layers that were left out because of their files: see [`Recipe::prepare_readable`](super::Recipe::prepare_readable).
     pub fn left_out(&self) -> &[LeftOut] {
         &self.left_out
     }
 
-    /// The same, which has what another one read of files: [`Recipe::prepare_after`] does not read that again.
+    /// The same, which has what another one read of files: [`Recipe::prepare_after`](super::Recipe::prepare_after) does not read that again.
     #[must_use]
     pub fn with_files_of(mut self, other: &Self) -> Self {
         self.shelf = other.shelf.clone();
         self
     }
 
-    /// The same, which knows a mesh of the recipe by the word for it, as its file was with that stamp: [`Recipe::prepare_after`]
+    /// The same, which knows a mesh of the recipe by the word for it, as its file was with that stamp: [`Recipe::prepare_after`](super::Recipe::prepare_after)
     /// does not read it again.
     #[must_use]
     pub fn with_mesh(mut self, word: &str, stamp: Option<Stamp>, body: &Arc<Body>) -> Self {
