@@ -24,7 +24,8 @@ use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::Vec2;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::cmp::Reverse;
+use std::collections::HashSet;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -73,8 +74,9 @@ struct Kept {
 struct Owed {
     /// Where the map changed.
     changes: Vec<Rect>,
-    /// The tiles that are still as before, and those of the outline.
-    tiles: Vec<bool>,
+    /// For each tile for how many drawings it has been owed; 0 where nothing is.
+    tiles: Vec<u8>,
+    /// The outline's tiles that are still as before.
     outline: Vec<bool>,
 }
 
@@ -396,38 +398,46 @@ impl Job<'_> {
         let mut changes = rects.to_vec();
         changes.extend(owed.iter().flat_map(|o| &o.changes));
         let changed: Vec<_> = changes.iter().map(|r| sides(*r, map.size())).collect();
-        let was_left = |list: fn(&Owed) -> &Vec<bool>, i: usize| {
-            owed.as_ref().is_some_and(|o| list(o).get(i) == Some(&true))
-        };
+        let age = |i: usize| owed.as_ref().map_or(0, |o| o.tiles[i]);
         let tiles = reaches.tiles.iter().enumerate();
-        let touched: Vec<bool> = tiles
-            .map(|(i, r)| r.meets(&cells) || was_left(|o| &o.tiles, i))
-            .collect();
+        let touched: Vec<bool> = tiles.map(|(i, r)| r.meets(&cells) || age(i) > 0).collect();
+        // The longest owed come first: changes that go on would else keep the same tiles waiting.
+        let mut first: Vec<usize> = (0..touched.len()).filter(|i| touched[*i]).collect();
+        first.sort_by_key(|i| Reverse(age(*i)));
+        let later = first.split_off(first.len().min(match until {
+            Some(_) => TILES_AT_LEAST,
+            None => usize::MAX,
+        }));
         let samples = kept.samples;
         let shader = self.subject.shader(self.scene, picture.size(), self.look);
         let lit = Mutex::new(vec![false; touched.len()]);
-        let count = AtomicUsize::new(0);
         let is_time = || until.is_none_or(|until| Instant::now() < until);
-        self.each_kept(
-            kept,
-            picture,
-            |i| touched[i],
-            |i| {
-                let wanted = count.fetch_add(1, Ordering::Relaxed) < TILES_AT_LEAST || is_time();
-                if wanted {
-                    lit.lock().unwrap_or_else(PoisonError::into_inner)[i] = true;
-                }
-                wanted
-            },
-            |tile, desk, lines| {
-                let wanted = reaching(map, &desk.fragments, mips, &changed);
-                // What the outline shows is its own to change.
-                keep_pixels(&mut desk.fragments, tile, samples, &wanted, |x, y| {
-                    !reaches.is_of_outline(x, y)
-                });
-                shader.pixels_of_fragments(tile, desk, lines, self.timings);
-            },
-        )?;
+        for (some, is_asked) in [(first, false), (later, true)] {
+            if some.is_empty() || is_asked && !is_time() {
+                continue;
+            }
+            let some: HashSet<usize> = some.into_iter().collect();
+            self.each_kept(
+                kept,
+                picture,
+                |i| some.contains(&i),
+                |i| {
+                    let wanted = !is_asked || is_time();
+                    if wanted {
+                        lit.lock().unwrap_or_else(PoisonError::into_inner)[i] = true;
+                    }
+                    wanted
+                },
+                |tile, desk, lines| {
+                    let wanted = reaching(map, &desk.fragments, mips, &changed);
+                    // What the outline shows is its own to change.
+                    keep_pixels(&mut desk.fragments, tile, samples, &wanted, |x, y| {
+                        !reaches.is_of_outline(x, y)
+                    });
+                    shader.pixels_of_fragments(tile, desk, lines, self.timings);
+                },
+            )?;
+        }
         let lit = lit.into_inner().unwrap_or_else(PoisonError::into_inner);
         let pixels = |rect: Rect, samples: u32| Rect {
             x: rect.x / samples,
@@ -438,18 +448,23 @@ impl Job<'_> {
         let tiles = kept.tiles.iter().zip(&lit).filter(|(_, t)| **t);
         let mut rects: Vec<Rect> = tiles.map(|(tile, _)| pixels(tile.rect, samples)).collect();
         let done = rects.len();
-        let left: Vec<bool> = touched
-            .iter()
-            .zip(&lit)
-            .map(|(t, lit)| *t && !lit)
+        let left: Vec<u8> = (0..touched.len())
+            .map(|i| match touched[i] && !lit[i] {
+                true => age(i).saturating_add(1),
+                false => 0,
+            })
             .collect();
         let mut left_outline = Vec::new();
         if let Some(outline) = &mut kept.outline {
+            let was_left = |i| {
+                owed.as_ref()
+                    .is_some_and(|o| o.outline.get(i) == Some(&true))
+            };
             let tiles = reaches.outline.iter().enumerate();
-            let wanted: Vec<bool> = tiles
-                .map(|(i, r)| r.meets(&cells) || was_left(|o| &o.outline, i))
-                .collect();
-            if is_time() || done < TILES_AT_LEAST {
+            let wanted: Vec<bool> = tiles.map(|(i, r)| r.meets(&cells) || was_left(i)).collect();
+            // One drawing may leave it, not two.
+            let is_owed = owed.as_ref().is_some_and(|o| o.outline.contains(&true));
+            if is_time() || done < TILES_AT_LEAST || is_owed {
                 let choose = |rect, fragments: &mut Fragments| {
                     let wanted = reaching(map, fragments, mips, &changed);
                     keep_pixels(fragments, rect, SAMPLES_MAX, &wanted, |_, _| true);
@@ -461,7 +476,7 @@ impl Job<'_> {
                 left_outline = wanted;
             }
         }
-        if left.contains(&true) || left_outline.contains(&true) {
+        if left.iter().any(|age| *age > 0) || left_outline.contains(&true) {
             kept.owed = Some(Owed {
                 changes: gathered(&changes),
                 tiles: left,

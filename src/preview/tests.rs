@@ -754,4 +754,12 @@ fn what_a_limit_leaves_is_lit_by_the_next_drawings() {
     let looks = [WARD];
     let anew = prepared.render(&studio.scene, &looks, all, &off, &none);
     assert!(*frame.picture() == anew.unwrap()[0]);
+    // Changes that go on everywhere keep no tile waiting: those owed longest are lit first.
+    for _ in 0..2 * drawings {
+        paint(&mut prepared, size(256, 256).rect());
+        draw(&mut frame, &prepared);
+        assert!(frame.is_behind());
+    }
+    let anew = prepared.render(&studio.scene, &looks, all, &off, &none);
+    assert!(*frame.picture() == anew.unwrap()[0]);
 }
