@@ -178,6 +178,19 @@ pub(crate) fn open_regular(path: &Path) -> Result<(File, u64)> {
     Err(Error::read(path)(io::Error::new(kind, what)))
 }
 
+/// [`open_regular`] for an input that means nothing without a content.
+///
+/// # Errors
+/// As [`open_regular`], and [`Error::File`] for a file of no bytes.
+pub(crate) fn open_filled(path: &Path) -> Result<(File, u64)> {
+    match open_regular(path)? {
+        (_, 0) => {
+            Err(Error::file(path, "the file is empty").with_hint("Copy or export it once more"))
+        }
+        opened => Ok(opened),
+    }
+}
+
 /// The word of `candidates` that is nearest to `word`, if any is near enough to be what was meant.
 pub fn nearest_word<'a>(
     word: &str,

@@ -293,6 +293,12 @@ fn presets_are_listed_and_shown() {
         "finish"
     );
     desk.fails("presets show pott", 2, &["`pott`", "Did you mean `pot`?"]);
+    let end = desk.run("presets show maps/mine.toml");
+    assert!(
+        end.code == 2 && !end.err.contains("or a path"),
+        "{}",
+        end.err
+    );
 }
 
 #[test]
@@ -613,7 +619,11 @@ fn bad_recipes_name_file_line_key_and_value() {
         &["folder.toml", "a folder"],
     );
     fs::write(desk.path("bytes.toml"), [0xff, 0xd8, 0xff]).expect("writable");
-    desk.fails("generate bytes.toml -o out", 2, &["bytes.toml", "UTF-8"]);
+    desk.fails(
+        "generate bytes.toml -o out",
+        2,
+        &["bytes.toml", "UTF-8", "Name a .toml file"],
+    );
 }
 
 #[test]
@@ -769,6 +779,16 @@ fn broken_maps_and_meshes_end_with_2_and_a_sentence() {
         2,
         &["cannot read none.glb"],
     );
+    for file in ["empty.exr", "empty.glb", "empty.gltf", "empty.toml"] {
+        desk.write(file, "");
+        desk.fails(&format!("inspect {file}"), 2, &[file, "is empty"]);
+        desk.fails(&format!("generate {file} -o out"), 2, &[file, "is empty"]);
+    }
+    desk.write("empty.obj", "");
+    for file in ["empty.glb", "empty.gltf", "empty.obj"] {
+        let words = format!("preview pot --map-size 8 -o out.png --mesh {file}");
+        desk.fails(&words, 2, &[file, "is empty"]);
+    }
     desk.fails("inspect none.exr", 2, &["cannot read none.exr"]);
     desk.fails(
         &format!("inspect {}", broken("no_uvs.obj")),
@@ -918,6 +938,9 @@ fn bad_manifests_end_with_2_and_write_nothing() {
         desk.write("m.toml", text);
         desk.fails("batch m.toml -o out", 2, words);
     }
+    desk.write("recipe.toml", "version = 1\nsize = 8\n");
+    let words = ["recipe.toml", "this is a recipe", "anisomap generate"];
+    desk.fails("batch recipe.toml -o out", 2, &words);
     desk.fails("batch none.toml -o out", 2, &["cannot read none.toml"]);
     fs::create_dir(desk.path("dir.toml")).expect("writable");
     desk.fails("batch dir.toml -o out", 2, &["a folder"]);
@@ -1013,6 +1036,23 @@ fn a_reader_that_goes_away_is_no_error() {
         "{}",
         String::from_utf8_lossy(&output.stderr)
     );
+}
+
+/// A device that is full: what is told there is lost.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_answer_that_cannot_be_written_ends_with_3() {
+    for words in ["--version", "--help", "help generate", "presets"] {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full");
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_anisomap"))
+            .args(words.split(' '))
+            .stdout(full.expect("a device"))
+            .output()
+            .expect("the binary starts");
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(3), "{words}: {told}");
+        assert!(told.contains("standard output"), "{words}: {told}");
+    }
 }
 
 #[cfg(unix)]

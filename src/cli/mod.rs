@@ -16,9 +16,11 @@ mod preview;
 mod reduce;
 mod stability;
 
+use anisomap::Error;
 use args::{Arguments, Command};
 use clap::Parser;
 use std::ffi::OsString;
+use std::io;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -30,19 +32,34 @@ enum Outcome {
     Wrong,
 }
 
-type Result<T = Outcome, E = anisomap::Error> = std::result::Result<T, E>;
+type Result<T = Outcome, E = Error> = std::result::Result<T, E>;
 
 /// Parses the arguments, runs the command, and turns its end into an exit code.
 pub(crate) fn run() -> ExitCode {
-    let arguments = Arguments::parse_from(with_command(std::env::args_os().collect()));
+    let arguments = match Arguments::try_parse_from(with_command(std::env::args_os().collect())) {
+        Ok(arguments) => arguments,
+        Err(said) => return answer(&said),
+    };
     match dispatch(arguments.command) {
         Ok(Outcome::Fine) => ExitCode::SUCCESS,
         Ok(Outcome::Wrong) => ExitCode::from(1),
-        Err(error) => {
-            console::complain(&format!("error: {error}"));
-            ExitCode::from(error.exit_code())
-        }
+        Err(error) => fail(&error),
     }
+}
+
+/// What clap answers in place of arguments: help and the version on stdout, mistakes on stderr.
+fn answer(said: &clap::Error) -> ExitCode {
+    match said.print() {
+        Err(e) if !said.use_stderr() && e.kind() != io::ErrorKind::BrokenPipe => {
+            fail(&Error::write("standard output")(e))
+        }
+        _ => ExitCode::from(u8::try_from(said.exit_code()).unwrap_or(2)),
+    }
+}
+
+fn fail(error: &Error) -> ExitCode {
+    console::complain(&format!("error: {error}"));
+    ExitCode::from(error.exit_code())
 }
 
 /// A recipe alone, as a desktop gives a file to the program it belongs to, is opened in the studio.

@@ -23,7 +23,11 @@ pub(super) fn run(args: PreviewArgs) -> Result {
     if args.difference && args.model.len() != 2 {
         return Err(Error::invalid(
             "--difference",
-            format!("given with {} models", args.model.len()),
+            match args.model.len() {
+                0 => "given without --model".to_owned(),
+                1 => "given with one model".to_owned(),
+                n => format!("given with {n} models"),
+            },
             "allowed: with two, as in --model ward,ggx --difference",
         ));
     }

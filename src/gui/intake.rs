@@ -183,11 +183,6 @@ fn ending(path: &Path) -> String {
 }
 
 fn take(part: Part, path: &Path, folder: &Path, free: Option<u64>) -> Result<Came, Error> {
-    let (file, _) = mesh::split_path(path);
-    let about = std::fs::metadata(file).map_err(Error::read(file))?;
-    if about.is_file() && about.len() == 0 {
-        return Err(Error::file(file, "the file is empty").with_hint("Copy or export it once more"));
-    }
     match part {
         Part::Mesh => take_mesh(path, folder, free),
         Part::Map => take_map(path, folder, free),

@@ -7,7 +7,7 @@
 
 use super::Imported;
 use crate::convention::{Content, MapInfo, MapRecord};
-use crate::error::{Error, Result, open_regular};
+use crate::error::{Error, Result, open_filled};
 use crate::map::{AnisoMap, Size, Wrap};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, TileCoordinates};
@@ -91,7 +91,7 @@ pub(super) fn read_channel(path: &Path, name: &str) -> Result<(Vec<f32>, Size)> 
 /// # Errors
 /// As [`read_master`].
 pub(super) fn channel_size(path: &Path, name: &str) -> Result<Size> {
-    let (file, length) = open_regular(path)?;
+    let (file, length) = open_filled(path)?;
     let reader = Reader::read_from_buffered(BufReader::new(file), false);
     let reader = reader.map_err(|e| unreadable(path, &e))?;
     Ok(judge(path, reader.meta_data(), length, &[name])?.1.size)
@@ -102,7 +102,7 @@ pub(super) fn channel_size(path: &Path, name: &str) -> Result<Size> {
 /// # Errors
 /// [`Error::Read`] when the file cannot be opened, [`Error::File`] when it is no OpenEXR file.
 pub fn channels(path: &Path) -> Result<Vec<String>> {
-    let (file, _) = open_regular(path)?;
+    let (file, _) = open_filled(path)?;
     let reader = Reader::read_from_buffered(BufReader::new(file), false);
     let reader = reader.map_err(|e| unreadable(path, &e))?;
     let headers = reader.meta_data().headers.iter();
@@ -148,7 +148,7 @@ const TILE_MAX: usize = 8192;
 const GROUP: usize = 32;
 
 fn read_channels<const N: usize>(path: &Path, names: [&str; N]) -> Result<([Vec<f32>; N], Part)> {
-    let (file, length) = open_regular(path)?;
+    let (file, length) = open_filled(path)?;
     let bad = |e| unreadable(path, &e);
     let reader = Reader::read_from_buffered(BufReader::new(file), false).map_err(bad)?;
     let (layer, part) = judge(path, reader.meta_data(), length, &names)?;

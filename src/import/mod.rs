@@ -11,7 +11,7 @@ pub mod numbers;
 pub mod textures;
 
 use crate::convention::MapInfo;
-use crate::error::{Error, Result, open_regular};
+use crate::error::{Error, Result, open_filled};
 use crate::map::{AnisoMap, Mended};
 use std::io::Read;
 use std::path::Path;
@@ -32,7 +32,7 @@ const BYTES_MAX: u64 = 4 << 30;
 
 /// The whole of a file.
 fn read_file(path: &Path) -> Result<Vec<u8>> {
-    let (mut file, length) = open_regular(path)?;
+    let (mut file, length) = open_filled(path)?;
     if length > BYTES_MAX {
         return Err(Error::file(
             path,

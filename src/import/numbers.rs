@@ -1,7 +1,7 @@
 //! The numbers of a picture's channels as they are stored: no colour, no gamma, no profile. Whole numbers become 0 to 1.
 
 use super::exr;
-use crate::error::{Error, Result, open_regular};
+use crate::error::{Error, Result, open_filled};
 use crate::map::Size;
 use image::codecs::png::PngDecoder;
 use image::codecs::tiff::TiffDecoder;
@@ -37,7 +37,6 @@ impl Numbers {
     pub fn open(path: &Path) -> Result<Self> {
         let bytes = super::read_file(path)?;
         match bytes.get(..4) {
-            _ if bytes.is_empty() => Err(empty(path)),
             Some(magic) if magic == EXR => {
                 drop(bytes);
                 let names = exr::channels(path)?;
@@ -187,12 +186,10 @@ pub struct About {
 /// # Errors
 /// As [`Numbers::open`], as far as that is known by then.
 pub fn about(path: &Path) -> Result<About> {
-    let (mut file, _) = open_regular(path)?;
-    let mut magic = [0; 4];
-    let n = file.read(&mut magic).map_err(Error::read(path))?;
-    if n == 0 {
-        return Err(empty(path));
-    }
+    let (mut file, _) = open_filled(path)?;
+    let mut magic = Vec::new();
+    let mut head = file.by_ref().take(EXR.len() as u64);
+    head.read_to_end(&mut magic).map_err(Error::read(path))?;
     if magic == EXR {
         let channels = exr::channels(path)?;
         let first = channels.first().map_or("R", String::as_str);
@@ -203,7 +200,7 @@ pub fn about(path: &Path) -> Result<About> {
     let file = BufReader::new(file);
     let mut limits = Limits::default();
     limits.max_alloc = Some(EXTRAS_MAX);
-    let (size, colours) = match magic {
+    let (size, colours) = match magic[..] {
         [0x89, b'P', b'N', b'G'] => shape(path, "PNG", || PngDecoder::with_limits(file, limits))?,
         [b'I', b'I', ..] | [b'M', b'M', ..] => shape(path, "TIFF", || {
             let mut decoder = TiffDecoder::new(file)?;
@@ -231,10 +228,6 @@ fn shape<D: ImageDecoder>(
 
 /// What an OpenEXR file begins with.
 const EXR: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
-
-fn empty(path: &Path) -> Error {
-    Error::file(path, "the file is empty").with_hint("Copy or export it once more")
-}
 
 fn no_picture(path: &Path) -> Error {
     Error::file(path, "it is no PNG, TIFF or OpenEXR file")

@@ -29,7 +29,7 @@ pub use sphere::sphere;
 pub use torus::torus;
 pub use tree::{Body, Met};
 
-use crate::error::{Error, Result, nearest_word, open_regular};
+use crate::error::{Error, Result, nearest_word, open_filled};
 use glam::{Vec2, Vec3, Vec4};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -341,7 +341,7 @@ pub struct About {
 pub fn about(path: &Path) -> Result<About> {
     let (path, _) = split_path(path);
     let format = format(path)?;
-    let (file, _) = open_regular(path)?;
+    let (file, _) = open_filled(path)?;
     let mut file = BufReader::new(file.take(MAX_FILE_BYTES));
     let (triangles, has_uvs) = match format {
         Format::Obj => obj::about(file.split(b'\n')).map_err(Error::read(path))?,
@@ -369,7 +369,7 @@ fn gltf_json(file: &mut impl BufRead) -> std::io::Result<Vec<u8>> {
 
 /// A regular file of at most `limit` bytes.
 fn read_limited(path: &Path, limit: u64) -> Result<Vec<u8>> {
-    let (file, _) = open_regular(path)?;
+    let (file, _) = open_filled(path)?;
     let mut bytes = Vec::new();
     file.take(limit + 1)
         .read_to_end(&mut bytes)

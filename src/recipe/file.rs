@@ -259,12 +259,15 @@ fn read_text(path: &Path) -> Result<(String, Option<Stamp>)> {
         return Err(Error::file(path, problem));
     }
     let bytes = fs::read(path).map_err(Error::read(path))?;
+    if bytes.is_empty() {
+        return Err(Error::file(path, "the file is empty"));
+    }
     match String::from_utf8(bytes) {
         Ok(text) => Ok((text, Stamp::told(&meta))),
-        Err(_) => Err(Error::file(
-            path,
-            "this is no text (UTF-8), so it is no TOML",
-        )),
+        Err(_) => Err(
+            Error::file(path, "this is no text (UTF-8), so it is no TOML")
+                .with_hint("Name a .toml file"),
+        ),
     }
 }
 

@@ -71,13 +71,13 @@ impl Preset {
 /// # Errors
 /// [`Error::Invalid`] with the nearest name.
 pub fn preset(name: &str) -> Result<&'static Preset> {
+    named(name, "allowed: a name that `anisomap presets` lists")
+}
+
+fn named(name: &str, allowed: &str) -> Result<&'static Preset> {
     PRESETS.iter().find(|p| p.name == name).ok_or_else(|| {
         let names = PRESETS.iter().map(|p| p.name);
-        let error = Error::invalid(
-            "the preset",
-            format!("`{name}`"),
-            "allowed: a name that `anisomap presets` lists, or a path, which has a slash or a dot",
-        );
+        let error = Error::invalid("the preset", format!("`{name}`"), allowed);
         match nearest_word(name, names) {
             Some(near) => error.with_hint(format!("Did you mean `{near}`?")),
             None => error,
@@ -93,7 +93,9 @@ pub fn open(word: &str) -> Result<RecipeFile> {
     if word.contains(['/', '\\', '.']) {
         RecipeFile::read(word)
     } else {
-        preset(word)?.recipe()
+        let allowed =
+            "allowed: a name that `anisomap presets` lists, or a path, which has a slash or a dot";
+        named(word, allowed)?.recipe()
     }
 }
 

@@ -116,7 +116,11 @@ impl Item {
 impl Manifest {
     /// Reads a manifest and crosses its jobs. Recipes that cannot be used become items that fail, so that the rest is made.
     pub(super) fn read(path: &Path, limit: u64) -> Result<Self> {
-        let document: Document = read_toml(path)?;
+        let document: Document = read_toml(path).map_err(|error| match RecipeFile::read(path) {
+            Ok(_) => Error::file(path, "this is a recipe, not a manifest")
+                .with_hint("Make it with `anisomap generate`, or name it in a manifest's [[jobs]]"),
+            Err(_) => error,
+        })?;
         if document.version != VERSION {
             let problem = format!("version is {}; allowed: {VERSION}", document.version);
             return Err(Error::file(path, problem));
