@@ -290,7 +290,7 @@ fn documents(threads: usize, recipe: &Recipe) {
     let undo = (0..100).map(|_| {
         milliseconds(|| {
             let last = painting.pop().expect("a stroke");
-            painting.push(&last);
+            painting.push(&last).expect("room");
         })
         .0
     });

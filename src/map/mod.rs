@@ -9,8 +9,8 @@ mod sample;
 mod winding;
 
 pub use lobe::SlopeCovariance;
-pub(crate) use region::gathered;
 pub use region::{Rect, Region, RegionMut, SIDE_MAX, Size, TEXELS_MAX};
+pub(crate) use region::{crop_plane, gathered};
 pub use sample::Footprint;
 pub(crate) use winding::{LOOPS_MAX, Turning, gather, singularity, turn, turns_around};
 pub use winding::{Singularity, singularities};

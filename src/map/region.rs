@@ -284,27 +284,8 @@ impl Region {
     /// # Panics
     /// When `rect` reaches outside.
     pub fn crop(&self, rect: Rect) -> Self {
-        let n = rect.width as usize;
-        let plane = |from: &[f32]| {
-            let mut to = Vec::with_capacity(rect.texels());
-            for y in rect.y..rect.y + rect.height {
-                let start = self.rect.index(rect.x, y);
-                to.extend_from_slice(&from[start..start + n]);
-            }
-            to
-        };
-        assert!(
-            self.rect.intersection(rect) == Some(rect),
-            "{rect:?} reaches outside {:?}",
-            self.rect
-        );
-        Self {
-            rect,
-            alpha_x: plane(&self.alpha_x),
-            alpha_y: plane(&self.alpha_y),
-            cos2: plane(&self.cos2),
-            sin2: plane(&self.sin2),
-        }
+        let planes = [&self.alpha_x, &self.alpha_y, &self.cos2, &self.sin2];
+        crop(self.rect, planes.map(|p| &**p), rect)
     }
 
     /// Makes every texel finite, in range and of a unit axis; see [`Mended`].
@@ -375,6 +356,35 @@ pub struct RegionMut<'a> {
     pub sin2: &'a mut [f32],
 }
 
+fn crop(from: Rect, planes: [&[f32]; 4], rect: Rect) -> Region {
+    let [alpha_x, alpha_y, cos2, sin2] = planes.map(|plane| crop_plane((from, plane), rect));
+    Region {
+        rect,
+        alpha_x,
+        alpha_y,
+        cos2,
+        sin2,
+    }
+}
+
+/// A rectangle of numbers that are in the row order of a larger one.
+///
+/// # Panics
+/// When `rect` reaches outside.
+pub(crate) fn crop_plane((from, source): (Rect, &[f32]), rect: Rect) -> Vec<f32> {
+    assert!(
+        from.intersection(rect) == Some(rect),
+        "{rect:?} reaches outside {from:?}"
+    );
+    let n = rect.width as usize;
+    let mut part = Vec::with_capacity(rect.texels());
+    for y in rect.y..rect.y + rect.height {
+        let start = from.index(rect.x, y);
+        part.extend_from_slice(&source[start..start + n]);
+    }
+    part
+}
+
 impl<'a> RegionMut<'a> {
     /// The same rectangle, borrowed for a shorter time.
     pub fn reborrow(&mut self) -> RegionMut<'_> {
@@ -385,6 +395,15 @@ impl<'a> RegionMut<'a> {
             cos2: self.cos2,
             sin2: self.sin2,
         }
+    }
+
+    /// A copy of a rectangle of it.
+    ///
+    /// # Panics
+    /// When `rect` reaches outside.
+    pub fn crop(&self, rect: Rect) -> Region {
+        let planes = [&self.alpha_x, &self.alpha_y, &self.cos2, &self.sin2];
+        crop(self.rect, planes.map(|p| &**p), rect)
     }
 
     /// Copies the texels that a region has as well.

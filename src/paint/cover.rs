@@ -231,6 +231,16 @@ impl Grid {
         }
     }
 
+    /// All texels.
+    pub(super) fn whole(&self) -> Rect {
+        Rect {
+            x: 0,
+            y: 0,
+            width: self.width,
+            height: self.height,
+        }
+    }
+
     /// Height of the centres of a row of texels, surface units.
     pub(super) fn y(&self, row: u32) -> f32 {
         self.extent.y - (row as f32 + 0.5) * self.texel.y

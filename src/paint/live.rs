@@ -219,12 +219,7 @@ impl Live {
     }
 
     fn whole(&self) -> Rect {
-        Rect {
-            x: 0,
-            y: 0,
-            width: self.ground.grid.width,
-            height: self.ground.grid.height,
-        }
+        self.ground.grid.whole()
     }
 
     /// The rectangle of the texels before the stroke that [`Live::apply`] needs for `rect`: larger for a brush that looks around

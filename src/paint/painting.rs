@@ -30,6 +30,9 @@ pub struct Painting {
     everywhere: Vec<u32>,
     /// The strokes that look around themselves.
     looking: Vec<u32>,
+    most: Limits,
+    /// How much more it may hold.
+    free: Limits,
 }
 
 /// A stroke with its pieces.
@@ -121,17 +124,17 @@ impl Limits {
 }
 
 /// How many more entries there may be, and who is asked whether to go on.
-struct Room<'a> {
+struct Allowance<'a> {
     entries: usize,
     most: usize,
     visits: usize,
     progress: &'a Progress<'a>,
 }
 
-impl<'a> Room<'a> {
-    fn new(most: usize, progress: &'a Progress<'a>) -> Self {
+impl<'a> Allowance<'a> {
+    fn new(entries: usize, most: usize, progress: &'a Progress<'a>) -> Self {
         Self {
-            entries: most,
+            entries,
             most,
             visits: 0,
             progress,
@@ -230,9 +233,11 @@ impl Painting {
             ],
             everywhere: Vec::new(),
             looking: Vec::new(),
+            most,
+            free: most,
         };
         let weight = AtomicUsize::new(0);
-        let mut room = Room::new(most.entries, progress);
+        let mut room = Allowance::new(most.entries, most.entries, progress);
         for some in strokes.strokes.chunks(4096) {
             progress.check()?;
             let skin = painting.skin.as_deref();
@@ -247,6 +252,10 @@ impl Painting {
                 painting.sort_in(one, &mut room)?;
             }
         }
+        painting.free = Limits {
+            pieces: most.pieces - weight.into_inner(),
+            entries: room.entries,
+        };
         Ok(painting)
     }
 
@@ -313,31 +322,50 @@ impl Painting {
     }
 
     /// Adds a stroke at the end.
-    pub fn push(&mut self, stroke: &Arc<Stroke>) {
+    ///
+    /// # Errors
+    /// When there would be more of the strokes than [`Painting::new`] takes; nothing is added then.
+    pub fn push(&mut self, stroke: &Arc<Stroke>) -> Result<()> {
         let laid = Laid::new(stroke, &self.ground, self.skin.as_deref());
-        let progress = Progress::none();
-        let mut room = Room::new(usize::MAX, &progress);
-        self.sort_in(laid, &mut room)
-            .expect("room without end, and nobody who cancels");
+        let Some(pieces) = self.free.pieces.checked_sub(laid.weight()) else {
+            return Err(too_many_pieces(self.most.pieces));
+        };
+        let nobody = Progress::none();
+        let mut room = Allowance::new(self.free.entries, self.most.entries, &nobody);
+        if let Err(error) = self.sort_in(laid, &mut room) {
+            self.unlist(self.ground.grid.whole());
+            return Err(error);
+        }
+        let entries = room.entries;
+        self.free = Limits { pieces, entries };
+        Ok(())
     }
 
     /// Takes the last stroke away.
     pub fn pop(&mut self) -> Option<Arc<Stroke>> {
         let last = self.strokes.pop()?;
-        let number = self.strokes.len() as u32;
-        if last.is_everywhere() {
-            self.everywhere.pop();
-        } else if let Some(bounds) = last.bounds {
-            for tile in self.tiles_of(bounds) {
-                let entries = &mut self.tiles[tile];
-                let kept = entries.partition_point(|e| e.stroke < number);
-                entries.truncate(kept);
-            }
-        }
-        if self.looking.last() == Some(&number) {
-            self.looking.pop();
+        self.free.pieces += last.weight();
+        if let Some(bounds) = last.bounds {
+            self.free.entries += self.unlist(bounds);
         }
         Some(last.stroke)
+    }
+
+    /// Takes what is not among the strokes out of the lists, its entries out of those of the tiles that a rectangle meets; gives
+    /// how many these were.
+    fn unlist(&mut self, rect: Rect) -> usize {
+        let number = self.strokes.len() as u32;
+        for list in [&mut self.everywhere, &mut self.looking] {
+            list.truncate(list.partition_point(|n| *n < number));
+        }
+        let mut gone = 0;
+        for tile in self.tiles_of(rect) {
+            let entries = &mut self.tiles[tile];
+            let kept = entries.partition_point(|e| e.stroke < number);
+            gone += entries.len() - kept;
+            entries.truncate(kept);
+        }
+        gone
     }
 
     /// The numbers of the tiles that a rectangle meets.
@@ -348,15 +376,10 @@ impl Painting {
         down.flat_map(move |y| across.clone().map(move |x| (y * columns + x) as usize))
     }
 
-    fn sort_in(&mut self, mut laid: Laid, room: &mut Room<'_>) -> Result<()> {
+    fn sort_in(&mut self, mut laid: Laid, room: &mut Allowance<'_>) -> Result<()> {
         let number = self.strokes.len() as u32;
         if laid.is_everywhere() {
-            laid.bounds = Some(Rect {
-                x: 0,
-                y: 0,
-                width: self.ground.grid.width,
-                height: self.ground.grid.height,
-            });
+            laid.bounds = Some(self.ground.grid.whole());
             self.everywhere.push(number);
         }
         self.sort_flat(number, &mut laid, room)?;
@@ -369,7 +392,7 @@ impl Painting {
     }
 
     /// Enters the pieces in UV, period by period: so what goes on in a tile follows what it goes on from.
-    fn sort_flat(&mut self, stroke: u32, laid: &mut Laid, room: &mut Room<'_>) -> Result<()> {
+    fn sort_flat(&mut self, stroke: u32, laid: &mut Laid, room: &mut Allowance<'_>) -> Result<()> {
         let Laid {
             pieces,
             shape,
@@ -406,7 +429,7 @@ impl Painting {
     }
 
     /// Enters the pieces on the mesh.
-    fn sort_solid(&mut self, stroke: u32, laid: &mut Laid, room: &mut Room<'_>) -> Result<()> {
+    fn sort_solid(&mut self, stroke: u32, laid: &mut Laid, room: &mut Allowance<'_>) -> Result<()> {
         for (n, piece) in (0..).zip(&laid.solid) {
             let skin = self.skin.as_deref().expect("solid pieces come of one");
             // Looking a place up in the mesh takes as long as many tiles.
@@ -474,31 +497,14 @@ impl Painting {
 
     /// Paints a range of strokes over what is there. `now` holds the texels before them and gets those after, `coverage` likewise;
     /// both in the rectangle of `below`, which holds what lies below the layer. What is right afterwards is `rect`; the
-    /// rectangle of the regions is [`Painting::needs`] of it or more.
-    ///
-    /// # Panics
-    /// When the regions are of different rectangles, or do not hold what `rect` needs.
-    pub fn paint(
-        &self,
-        range: Range<usize>,
-        rect: Rect,
-        below: &Region,
-        now: &mut Region,
-        coverage: &mut [f32],
-    ) {
-        let nobody = Progress::none();
-        self.paint_while(range, rect, below, now, coverage, &nobody)
-            .expect("nobody cancels");
-    }
-
-    /// As [`Painting::paint`], asking every few strokes whether to go on.
+    /// rectangle of the regions is [`Painting::needs`] of it or more. Every few strokes `progress` is asked whether to go on.
     ///
     /// # Errors
     /// [`Error::Cancelled`] when `progress` says so; what is in `now` and `coverage` then means nothing.
     ///
     /// # Panics
-    /// As [`Painting::paint`].
-    pub fn paint_while(
+    /// When the regions are of different rectangles, or do not hold what `rect` needs.
+    pub fn paint(
         &self,
         range: Range<usize>,
         rect: Rect,
@@ -527,29 +533,15 @@ impl Painting {
         self.plain(done..range.end, rect, view, progress)
     }
 
-    /// How much of each texel of a rectangle the strokes have touched, in row order: goes on from what `coverage` holds.
-    ///
-    /// # Panics
-    /// When `coverage` is of another length.
-    pub fn cover(&self, rect: Rect, coverage: &mut [f32]) {
-        let nobody = Progress::none();
-        self.cover_while(rect, coverage, &nobody)
-            .expect("nobody cancels");
-    }
-
-    /// As [`Painting::cover`], asking every few strokes whether to go on.
+    /// How much of each texel of a rectangle the strokes have touched, in row order: goes on from what `coverage` holds. Every
+    /// few strokes `progress` is asked whether to go on.
     ///
     /// # Errors
     /// [`Error::Cancelled`] when `progress` says so; what is in `coverage` then means nothing.
     ///
     /// # Panics
-    /// As [`Painting::cover`].
-    pub fn cover_while(
-        &self,
-        rect: Rect,
-        coverage: &mut [f32],
-        progress: &Progress<'_>,
-    ) -> Result<()> {
+    /// When `coverage` is of another length.
+    pub fn cover(&self, rect: Rect, coverage: &mut [f32], progress: &Progress<'_>) -> Result<()> {
         assert_eq!(coverage.len(), rect.texels(), "a number for each texel");
         if !self.touches(self.len(), rect) {
             return Ok(());

@@ -63,7 +63,10 @@ fn painted(painting: &Painting, below: &AnisoMap, rect: Rect) -> (Region, Vec<f3
     let needs = painting.needs(rect);
     let under = below.region(needs);
     let (mut now, mut coverage) = (under.clone(), vec![0.0; needs.texels()]);
-    painting.paint(0..painting.len(), rect, &under, &mut now, &mut coverage);
+    let nobody = Progress::none();
+    let all = 0..painting.len();
+    let done = painting.paint(all, rect, &under, &mut now, &mut coverage, &nobody);
+    done.expect("nobody cancels");
     let mut part = Region::constant(rect, DEFAULT_TEXEL);
     part.copy_from(&now);
     let covered = (rect.y..rect.y + rect.height)
@@ -235,7 +238,7 @@ proptest! {
         let below = ground(surface.size);
         let mut grown = painting(&surface, &strokes[..1]);
         for stroke in &strokes[1..] {
-            grown.push(stroke);
+            grown.push(stroke).unwrap();
         }
         let rect = surface.size.rect();
         prop_assert!(painted(&grown, &below, rect) == whole(&surface, &strokes, &below));
@@ -727,6 +730,20 @@ fn strokes_of_too_many_pieces_are_refused() {
         wrong.contains("more than 1000") && wrong.contains("Space the dabs wider"),
         "{wrong}"
     );
+    refuses_one_more(laid(3).unwrap(), &one);
+}
+
+/// A full painting is as it was after a stroke that it refuses, and takes one again when one has gone.
+fn refuses_one_more(mut full: Painting, stroke: &Arc<Stroke>) {
+    let (strokes, entries) = (full.len(), full.entries());
+    for _ in 0..2 {
+        assert!(full.push(stroke).is_err());
+        assert_eq!((full.len(), full.entries()), (strokes, entries));
+        full.pop().expect("a stroke");
+        assert!(full.entries() < entries);
+        full.push(stroke).expect("room for one");
+        assert_eq!((full.len(), full.entries()), (strokes, entries));
+    }
 }
 
 /// A dab that is far broader than the map, which repeats.
@@ -762,6 +779,7 @@ fn strokes_that_reach_too_many_tiles_are_refused() {
         wrong.contains(&said) && wrong.contains("brushes narrower"),
         "{wrong}"
     );
+    refuses_one_more(laid(3).unwrap(), &one);
 }
 
 #[test]
@@ -822,12 +840,14 @@ fn strokes_that_work_everywhere_take_their_turn_and_no_room_in_tiles() {
     let rect = surface.size.rect();
     let under = below.region(rect);
     let (mut now, mut coverage) = (under.clone(), vec![0.0; rect.texels()]);
+    let nobody = Progress::none();
     for n in 0..strokes.len() {
-        all.paint(n..n + 1, rect, &under, &mut now, &mut coverage);
+        let done = all.paint(n..n + 1, rect, &under, &mut now, &mut coverage, &nobody);
+        done.unwrap();
     }
     assert!(painted(&all, &below, rect) == (now, coverage.clone()));
     let mut covered = vec![0.0; rect.texels()];
-    all.cover(rect, &mut covered);
+    all.cover(rect, &mut covered, &nobody).unwrap();
     assert!(covered == coverage);
     let far = Rect {
         x: 100,
@@ -841,7 +861,7 @@ fn strokes_that_work_everywhere_take_their_turn_and_no_room_in_tiles() {
     let mut again = painting(&surface, &strokes);
     while again.pop().is_some() {}
     assert!(!again.touches(9, far) && again.entries() == 0);
-    strokes.iter().for_each(|s| again.push(s));
+    strokes.iter().for_each(|s| again.push(s).unwrap());
     assert!(painted(&again, &below, rect) == painted(&all, &below, rect));
 }
 

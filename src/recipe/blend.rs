@@ -80,24 +80,16 @@ impl<'a> Scratch<'a> {
 
     /// A tile of a layer of strokes, of which none looks around itself here, over the region below it.
     pub(super) fn paint(&mut self, painting: &Painting, region: &mut RegionMut<'_>, tile: Rect) {
-        let mut below = Region::constant(tile, DEFAULT_TEXEL);
-        let n = tile.width as usize;
-        for (j, y) in (tile.y..tile.y + tile.height).enumerate() {
-            let (to, from) = (j * n, region.rect.index(tile.x, y));
-            below.alpha_x[to..to + n].copy_from_slice(&region.alpha_x[from..from + n]);
-            below.alpha_y[to..to + n].copy_from_slice(&region.alpha_y[from..from + n]);
-            below.cos2[to..to + n].copy_from_slice(&region.cos2[from..from + n]);
-            below.sin2[to..to + n].copy_from_slice(&region.sin2[from..from + n]);
-        }
+        let below = region.crop(tile);
         let mut now = below.clone();
         self.coverage.fill(0.0);
         let all = 0..painting.len();
         let (coverage, progress) = (&mut self.coverage, self.progress);
-        let painted = painting.paint_while(all, tile, &below, &mut now, coverage, progress);
+        let painted = painting.paint(all, tile, &below, &mut now, coverage, progress);
         if painted.is_err() {
             return; // whoever began is told so
         }
-        copy(&now, &mut self.patch(tile).region);
+        self.patch(tile).region.copy_from(&now);
         // What was painted holds what lies below it.
         self.coverage.fill(1.0);
     }
@@ -116,18 +108,6 @@ impl<'a> Scratch<'a> {
             coverage: &mut self.coverage,
             value: &mut self.value,
         }
-    }
-}
-
-/// Copies a rectangle's texels from a region that holds it.
-fn copy(from: &Region, to: &mut RegionMut<'_>) {
-    let n = to.rect.width as usize;
-    for y in to.rect.y..to.rect.y + to.rect.height {
-        let (a, b) = (from.rect().index(to.rect.x, y), to.rect.index(to.rect.x, y));
-        to.alpha_x[b..b + n].copy_from_slice(&from.alpha_x[a..a + n]);
-        to.alpha_y[b..b + n].copy_from_slice(&from.alpha_y[a..a + n]);
-        to.cos2[b..b + n].copy_from_slice(&from.cos2[a..a + n]);
-        to.sin2[b..b + n].copy_from_slice(&from.sin2[a..a + n]);
     }
 }
 
@@ -240,7 +220,7 @@ impl PreparedLayer {
         let mut under = Region::constant(painting.needs(rect), DEFAULT_TEXEL);
         composite(below, &mut under.view_mut(), scratch);
         let painted = painted_over(painting, rect, &under, scratch.progress);
-        copy(&under, region);
+        region.copy_from(&under);
         self.lay(&painted, region, scratch);
     }
 
@@ -357,7 +337,7 @@ impl PreparedLayer {
             if let Some(mask) = &self.mask {
                 mask.fill(tile, scratch);
             }
-            copy(painted, &mut scratch.patch(tile).region);
+            scratch.patch(tile).region.copy_from(painted);
             scratch.coverage.fill(1.0);
             self.blend_tile(region, tile, scratch);
         });
@@ -592,7 +572,7 @@ impl PreparedMask {
             Weights::Painted { painting, start } => {
                 scratch.weight.fill(*start);
                 // When that is cancelled, whoever began is told so.
-                let _ = painting.cover_while(tile, &mut scratch.weight, scratch.progress);
+                let _ = painting.cover(tile, &mut scratch.weight, scratch.progress);
             }
             Weights::Value { source, low, high } => {
                 source.fill(&mut scratch.patch(tile));
@@ -630,6 +610,6 @@ pub(super) fn painted_over(
     let mut coverage = vec![0.0; under.rect().texels()];
     let all = 0..painting.len();
     // When that is cancelled, whoever began is told so.
-    let _ = painting.paint_while(all, rect, under, &mut painted, &mut coverage, progress);
+    let _ = painting.paint(all, rect, under, &mut painted, &mut coverage, progress);
     painted
 }

@@ -439,7 +439,7 @@ impl Mask {
 }
 
 /// Puts `at` before the key that an error names; an error that names no key gets `at` alone.
-pub(super) fn below(at: String) -> impl FnOnce(Error) -> Error {
+pub(crate) fn below(at: String) -> impl FnOnce(Error) -> Error {
     move |error| match error {
         Error::Invalid {
             what,

@@ -27,6 +27,7 @@ pub use file::{RecipeFile, read_toml};
 pub use files::{Files, seen_from};
 pub(crate) use files::{Way, file_of_mesh, is_path, rename_files, rename_mesh};
 pub use image::Image;
+pub(crate) use layer::below;
 pub use layer::{Blend, Channels, Layer, Mask, MaskSource, Source};
 pub use left_out::LeftOut;
 pub use prepare::Prepared;

@@ -5,8 +5,8 @@
 //! undo, as far as memory allows; past that a tile is painted again from all its strokes. Tiles are caches: the recipe is the truth, and
 //! `generate` makes the same texels of it.
 
-use crate::error::Result;
-use crate::map::{DEFAULT_TEXEL, Rect, Region, Size};
+use crate::error::{Error, Result};
+use crate::map::{DEFAULT_TEXEL, Rect, Region, Size, crop_plane};
 use crate::paint::{Brush, Live, Painting, Skin, Stroke, Strokes};
 use crate::pattern::Surface;
 use crate::progress::Progress;
@@ -121,8 +121,7 @@ impl Ready {
                 width: size.width(),
                 height: SIDE.min(size.height() - y),
             };
-            self.active.painting.cover(rect, band);
-            Ok(())
+            self.active.painting.cover(rect, band, progress)
         })?;
         Ok(coverage)
     }
@@ -297,17 +296,20 @@ impl Canvas {
     }
 
     /// A stroke more on the layer that is painted on: gives the rectangles outside which nothing changed.
-    pub(super) fn push(&mut self, stroke: &Arc<Stroke>) -> Vec<Rect> {
+    ///
+    /// # Errors
+    /// When the layer is full.
+    pub(super) fn push(&mut self, stroke: &Arc<Stroke>) -> Result<Vec<Rect>> {
         let Some(active) = &mut self.active else {
-            return Vec::new();
+            return Ok(Vec::new());
         };
         active.live = None;
-        active.painting.push(stroke);
+        active.painting.push(stroke)?;
         let n = active.painting.len() - 1;
         if let Some(after) = active.kept.pop_after(stroke) {
             let rects = active.rects_of(&after);
             active.take_over(after);
-            return rects;
+            return Ok(rects);
         }
         let rects = active.painting.reached(n);
         let mut numbers: Vec<u32> = rects.iter().flat_map(|r| active.numbers(*r)).collect();
@@ -324,7 +326,7 @@ impl Canvas {
             .map(|number| (number, active.with_one_more(number, n)))
             .collect();
         active.take_over(tiles);
-        rects
+        Ok(rects)
     }
 
     /// A stroke less.
@@ -415,20 +417,27 @@ impl Canvas {
     }
 
     /// Ends the stroke in flight: when it painted anything it is the layer's last from now on, with the texels that it has.
-    pub(super) fn end(&mut self) -> Option<Arc<Stroke>> {
-        let active = self.active.as_mut()?;
+    ///
+    /// # Errors
+    /// When the layer is full, with the rectangles that change as the stroke goes.
+    pub(super) fn end(&mut self) -> Result<Option<Arc<Stroke>>, (Error, Vec<Rect>)> {
+        let Some(active) = self.active.as_mut() else {
+            return Ok(None);
+        };
         active.fly(&self.stack, None);
-        let Flight { live, tiles, .. } = active.live.take()?;
-        let stroke = live.finish();
-        if stroke.is_none() || tiles.is_empty() {
-            return None;
+        let Some(Flight { live, tiles, .. }) = active.live.take() else {
+            return Ok(None);
+        };
+        let stroke = live.finish().filter(|_| !tiles.is_empty()).map(Arc::new);
+        if let Some(stroke) = &stroke {
+            if let Err(error) = active.painting.push(stroke) {
+                return Err((error, tiles.keys().map(|n| active.rect_of(*n)).collect()));
+            }
+            active.kept.clear_after();
+            let tiles = tiles.into_iter();
+            active.take_over(tiles.map(|(n, t)| (n, Some(Arc::new(t)))).collect());
         }
-        let stroke = Arc::new(stroke?);
-        active.painting.push(&stroke);
-        active.kept.clear_after();
-        let tiles = tiles.into_iter();
-        active.take_over(tiles.map(|(n, t)| (n, Some(Arc::new(t)))).collect());
-        Some(stroke)
+        Ok(stroke)
     }
 
     /// Takes the stroke in flight away; gives the rectangles that change by it.
@@ -731,8 +740,10 @@ impl Active {
         below: &Region,
         (mut now, mut coverage): (Region, Vec<f32>),
     ) -> Option<Arc<Tile>> {
+        let nobody = Progress::none();
         self.painting
-            .paint(strokes, rect, below, &mut now, &mut coverage);
+            .paint(strokes, rect, below, &mut now, &mut coverage, &nobody)
+            .expect("nobody cancels");
         let start = self.start();
         let untouched = now == *below && coverage.iter().all(|c| *c == start);
         (!untouched).then(|| {
@@ -774,15 +785,4 @@ fn copy_plane((to, numbers): (Rect, &mut [f32]), (from, source): (Rect, &[f32]))
         let (i, j) = (to.index(common.x, y), from.index(common.x, y));
         numbers[i..i + n].copy_from_slice(&source[j..j + n]);
     }
-}
-
-/// A rectangle of numbers that are in the row order of a larger one.
-fn crop_plane((from, source): (Rect, &[f32]), rect: Rect) -> Vec<f32> {
-    let n = rect.width as usize;
-    let mut part = Vec::with_capacity(rect.texels());
-    for y in rect.y..rect.y + rect.height {
-        let start = from.index(rect.x, y);
-        part.extend_from_slice(&source[start..start + n]);
-    }
-    part
 }

@@ -5,6 +5,7 @@ use super::{DEFAULT_MESH, Edit, Header, Hit, Step, Studio, Touched, canvas, pick
 use crate::error::Result;
 use crate::map::Rect;
 use crate::paint::{Brush, Live, POINTS_MAX, Point, Points, Stroke, SurfacePoint};
+use crate::recipe::below;
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -215,9 +216,16 @@ impl Studio {
 
     pub(super) fn end_now(&mut self) -> Result<bool> {
         self.catch_up(Some(CATCH_UP));
-        let Some(stroke) = self.canvas.end() else {
-            self.cancel_live();
-            return Ok(false);
+        let stroke = match self.canvas.end() {
+            Ok(Some(stroke)) => stroke,
+            Ok(None) => {
+                self.cancel_live();
+                return Ok(false);
+            }
+            Err((error, rects)) => {
+                self.repaint(rects);
+                return Err(below("the layer".to_owned())(error));
+            }
         };
         let (layer, mask) = self.canvas.active().expect("it was painted on");
         match self.add_stroke(layer, mask, stroke) {
@@ -304,12 +312,13 @@ impl Studio {
         let (now, shown) = (strokes.strokes.len(), self.canvas.strokes());
         let last = strokes.strokes.last().cloned();
         let rects = match last {
-            _ if now + 1 == shown => self.canvas.pop(),
-            Some(last) if now == shown + 1 => self.canvas.push(&last),
-            _ => {
-                self.shown.revision = None;
-                return;
-            }
+            _ if now + 1 == shown => Some(self.canvas.pop()),
+            Some(last) if now == shown + 1 => self.canvas.push(&last).ok(),
+            _ => None,
+        };
+        let Some(rects) = rects else {
+            self.shown.revision = None;
+            return;
         };
         self.repaint(rects);
         // What strokes above see of it reaches farther.
