@@ -8,7 +8,11 @@
 //! of a long live stroke. `strokes-100k` opens a layer of 100,000 strokes of radius 10 and length 80 texels at 2048x2048, once
 //! from its text and once from the strokes, and fills the map.
 //!
+//! What somebody at the window waits for is in `studio.rs`: `dab-128`, `dab-1024`, `document`, `open-many` and what follows them.
+//!
 //! Words after `--` choose cases by the beginnings of their names.
+
+mod studio;
 
 use anisomap::map::{AnisoMap, Rect, Size, Texel, Wrap};
 use anisomap::math::Axis;
@@ -301,6 +305,7 @@ fn main() {
     // A brush's time is not to hold that of getting memory from the system anew for every dab: glibc keeps what was freed once
     // it has seen a block as large as this one come and go.
     drop(std::hint::black_box(Vec::<u8>::with_capacity(31 << 20)));
+    studio::run();
     let map = brushed();
     let canvas = Canvas::new(map.clone());
     for threads in [1, 2] {
