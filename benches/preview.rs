@@ -27,7 +27,7 @@ use rayon::prelude::*;
 use std::f32::consts::TAU;
 use std::time::Instant;
 
-const ROUNDS: usize = 40;
+const ROUNDS: usize = 150;
 const MAP_SIDE: u32 = 1024;
 
 /// Around the z axis, u once around the large circle, with texture coordinates repeated 4x2.
