@@ -124,8 +124,8 @@ impl Scatter {
         let around = Obstacles {
             area: Rect {
                 left: corner.0 + 3.0,
-                top: corner.1 - 8.0,
-                right: corner.0 + size.0 + 14.0,
+                top: corner.1 + 3.0,
+                right: corner.0 + size.0 - 3.0,
                 bottom: corner.1 + size.1 - 3.0,
             },
             marker: MARKER,

@@ -262,7 +262,9 @@ impl Axis {
             .filter(usable)
             .fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (0.1, 1.0) };
-        let (low, high) = (step_below(low / 1.08), step_above(high * 1.08));
+        // Marks at the ends, and what is written beside them, stay off the frame.
+        let spare = (high / low).powf(0.08).max(1.08);
+        let (low, high) = (step_below(low / spare), step_above(high * spare));
         Self {
             title: title.to_owned(),
             scale: Scale::Log,
