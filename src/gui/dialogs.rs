@@ -590,14 +590,16 @@ fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, O
         new.aspect = aspect_of(i);
     }
     if new.mesh >= meshes.len() {
-        let text = "Asked for next: a GLB, glTF or OBJ file. It lies beside the recipe, which is saved before.";
+        let text = "Asked for next: a GLB, glTF or OBJ file, whose width over height becomes the map's. It lies beside the recipe, which is saved before.";
         let text = RichText::new(text).small().color(Palette::of(ui).weak);
         ui.add(egui::Label::new(text).wrap());
+    } else {
+        let bar =
+            Bar::new("Width over height on the mesh", 0.1..=10.0).default(aspect_of(new.mesh));
+        bar.show(ui, &mut new.aspect).response.on_hover_text(
+            "Of the surface, for one turn of UV: strokes keep their shape on the mesh. Follows the mesh; click to type.",
+        );
     }
-    let bar = Bar::new("Width over height on the mesh", 0.1..=10.0).default(aspect_of(new.mesh));
-    bar.show(ui, &mut new.aspect).response.on_hover_text(
-        "Of the surface, for one turn of UV: strokes keep their shape on the mesh. Follows the mesh; click to type.",
-    );
     ui.add_space(8.0);
     let mut answer = (Next::Stay, None);
     ui.horizontal(|ui| {

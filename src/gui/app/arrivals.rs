@@ -101,7 +101,7 @@ impl App {
             self.desk.told(set);
         } else {
             let text = format!(
-                "{file} is {aspect} times as wide as high, the map {now}: Document has a button that gives it that, so that strokes keep their shape"
+                "Width over height is {aspect} on {file}, {now} on the map: Document has a button that gives the map the mesh's, so that strokes keep their shape"
             );
             self.desk.messages.news(text);
         }
