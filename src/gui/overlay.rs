@@ -389,7 +389,9 @@ impl Overlay {
                 let mask = self.covers.is_some_and(|(_, mask)| mask);
                 layer.map(
                     |l| match (mask, l.mask.as_ref().is_some_and(|m| m.invert)) {
-                        (false, _) => format!("Strokes of {}", l.name()),
+                        (false, _) => {
+                            format!("Strokes of {}: the pinker, the more they cover", l.name())
+                        }
                         (true, false) => {
                             format!("Mask of {}: white shows it, black hides it", l.name())
                         }
@@ -405,6 +407,11 @@ impl Overlay {
                 (Some(marks), None) => summary(marks),
                 (None, None) => return None,
             }),
+            Kind::Lit => Some("Lit from where the ball's sun stands".to_owned()),
+            Kind::Grain => Some("Streaks run along the grooves".to_owned()),
+            Kind::Strokes => Some(
+                "Lines lie along the grooves: the longer, the more the widths differ".to_owned(),
+            ),
             _ => None,
         }
     }
