@@ -211,6 +211,7 @@ impl App {
         }
         let had_focus = ctx.memory(|m| m.focused().is_some());
         self.desk.tick(&ctx);
+        self.desk.adjust(&ctx);
         if self.dialog.is_none() {
             self.dialog = self.desk.large.take().map(Dialog::Large);
         }

@@ -25,7 +25,7 @@ use eframe::egui::{
 };
 use glam::{DVec2, Vec2, Vec3};
 use outlines::Layout;
-use stroke::{Adjusting, Drawing};
+use stroke::Drawing;
 
 /// What the names of all views and the buttons beside them need, points.
 const TABS: f32 = 510.0;
@@ -86,7 +86,6 @@ pub(crate) struct CanvasPane {
     drawn: Option<(Camera2d, View)>,
     pub(crate) light: Vec3,
     drawing: Option<Drawing>,
-    pub(crate) adjusting: Option<Adjusting>,
     /// Where the last stroke ended, surface units.
     last_end: Option<Vec2>,
     pub(crate) probe: Option<Probe>,
@@ -113,7 +112,6 @@ impl Default for CanvasPane {
             drawn: None,
             light: Lighting::default().toward,
             drawing: None,
-            adjusting: None,
             last_end: None,
             probe: None,
             wrap: false,
@@ -484,7 +482,7 @@ impl CanvasPane {
             self.rect.min + vec2(pixel.x as f32, pixel.y as f32) / pixels
         };
         let to_uv = |at: Pos2| camera.uv_at(self.map, self.pixel(ui, at)).as_vec2();
-        let busy = self.adjusting.is_some() || ui.input(|i| i.key_down(egui::Key::Space));
+        let busy = desk.adjusting.is_some() || ui.input(|i| i.key_down(egui::Key::Space));
         let taken = |at: Pos2| busy || self.is_lamp(at);
         let sheet = Sheet {
             to_screen: &to_screen,

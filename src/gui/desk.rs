@@ -1,5 +1,6 @@
 //! What all parts of the window share: the studio, the tool in the hand, settings, messages, and the actions that were asked for.
 
+use super::adjusting::Adjusting;
 use super::guides::GuideHand;
 use super::intake::Part;
 use super::messages::{About, Messages};
@@ -99,7 +100,13 @@ pub(crate) struct Desk {
     pub(crate) exported: HashMap<PathBuf, Option<Stamp>>,
     /// The control that takes the keyboard first.
     pub(crate) first_control: Option<Id>,
+    /// Size or flow that the pointer drags.
+    pub(crate) adjusting: Option<Adjusting>,
+    /// Whether the pointer did so at the beginning of this frame, so that it is nobody else's.
+    pub(crate) pointer_taken: bool,
     asked: Vec<Action>,
+    /// The document's revision with the layer that was added for the stroke in flight, and what was selected before.
+    added: Option<(u64, usize)>,
     strokes: u32,
     told_of_guides: bool,
 }
@@ -147,6 +154,9 @@ impl Desk {
             exported: HashMap::new(),
             first_control: None,
             asked: Vec::new(),
+            adjusting: None,
+            pointer_taken: false,
+            added: None,
             strokes: 0,
             told_of_guides: false,
         }
@@ -253,8 +263,27 @@ impl Desk {
         if layers.get(self.studio.selected()).is_some_and(takes) {
             return true;
         }
+        let before = self.studio.selected();
         let added = self.studio.add_paint_layer();
-        self.told(added).is_some()
+        let is_added = self.told(added).is_some();
+        self.added = is_added.then(|| (self.studio.document().revision(), before));
+        is_added
+    }
+
+    /// Takes the stroke in flight away, and the layer that was added for it.
+    pub(crate) fn cancel_stroke(&mut self) {
+        self.studio.cancel_stroke();
+        self.drop_added();
+    }
+
+    /// Takes a layer away that was added for a stroke which painted nothing.
+    fn drop_added(&mut self) {
+        let now = self.studio.document().revision();
+        if let Some((_, before)) = self.added.take().filter(|(then, _)| *then == now) {
+            let back = self.studio.take_back();
+            self.told(back);
+            self.studio.select(before);
+        }
     }
 
     /// A number for the chance in the next stroke.
@@ -268,12 +297,16 @@ impl Desk {
         let ended = self.studio.end_stroke();
         let painted = self.told(ended);
         if painted == Some(true) {
+            self.added = None;
             if !self.settings.hint_closed {
                 self.close_hint();
                 self.messages.news("Turn the light to see how the grooves take it: drag the ball in the map's corner, or over the mesh with Shift and the right button");
             }
             self.tell_of_guides();
             self.tell_of_mask();
+        }
+        if painted != Some(true) {
+            self.drop_added();
         }
         if painted == Some(false) && self.hand.brush().tool.follows_stroke() {
             let name = self.hand.kind().name();

@@ -1,5 +1,6 @@
 //! The studio's window: turns events into calls of the library's `studio` module, and shows what is there.
 
+mod adjusting;
 mod app;
 mod canvas;
 mod desk;

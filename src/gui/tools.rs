@@ -7,7 +7,7 @@ use super::widgets::{Bar, choices, icon_button, left_label};
 use anisomap::map::{ALPHA_MAX, ALPHA_MIN};
 use anisomap::paint::{Keep, Tool};
 use anisomap::studio::action::Action;
-use anisomap::studio::hand::{Mirror, RADIUS_RANGE, ToolKind};
+use anisomap::studio::hand::{Mirror, RADIUS_RANGE, SCREEN_POINTS, ToolKind};
 use eframe::egui::{self, Ui, vec2};
 
 /// The icon of a tool.
@@ -115,16 +115,25 @@ fn of_mask(ui: &mut Ui, desk: &mut Desk) {
 }
 
 fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
-    let mut size = f64::from(desk.hand.brush().radius) * 2.0;
-    let range = f64::from(RADIUS_RANGE[0]) * 2.0..=f64::from(RADIUS_RANGE[1]) * 2.0;
+    let (breadth, unit, text) = if desk.hand.on_screen {
+        let text = "Breadth of the brush in points of the screen, whatever is zoomed to.";
+        (2.0 * f64::from(SCREEN_POINTS), "pt", text)
+    } else {
+        let text = "Breadth of the brush in surface units: 1 is the height of the map.";
+        (2.0, "", text)
+    };
+    let mut size = f64::from(desk.hand.brush().radius) * breadth;
+    let range = f64::from(RADIUS_RANGE[0]) * breadth..=f64::from(RADIUS_RANGE[1]) * breadth;
+    let text = format!("{text} What it is measured by is chosen under Brush.");
     let tip = tips(
         desk,
-        "Breadth of the brush in surface units: 1 is the height of the map.",
+        &text,
         &[Action::SizeDown, Action::SizeUp, Action::DragSize],
     );
-    let bar = Bar::new("Size", range).width(126.0).show(ui, &mut size);
+    let bar = Bar::new("Size", range).unit(unit).width(126.0);
+    let bar = bar.show(ui, &mut size);
     if bar.response.changed() {
-        desk.hand.set_radius(size as f32 / 2.0);
+        desk.hand.set_radius((size / breadth) as f32);
     }
     bar.response.on_hover_text(tip);
     let tip = tips(
@@ -243,6 +252,20 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
                 "Mean length of a scratch, surface units.",
                 &mut s.length,
             );
+            number_bar(
+                ui,
+                "Width",
+                0.00001..=0.1,
+                "Breadth of a scratch, surface units. Thinner than a texel is fainter, not broader.",
+                &mut s.width,
+            );
+            number_bar(
+                ui,
+                "Lean",
+                0.0..=90.0,
+                "How far scratches lean from the stroke at most, to either side.",
+                &mut s.spread,
+            );
         }
         Tool::SetAlpha(s) => {
             optional_alpha(
@@ -334,7 +357,10 @@ fn number_bar(
     value: &mut f32,
 ) {
     let mut number = shown(*value);
-    let unit = if name == "Angle" { "\u{b0}" } else { "" };
+    let unit = match name {
+        "Angle" | "Lean" => "\u{b0}",
+        _ => "",
+    };
     let bar = Bar::new(name, range)
         .unit(unit)
         .width(116.0)
@@ -368,6 +394,11 @@ fn symmetry(ui: &mut Ui, desk: &mut Desk) {
 
 /// The rest of the brush: what is set once and then left.
 pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
+    super::widgets::caption(ui, "Size is measured");
+    let on = usize::from(desk.hand.on_screen);
+    if let Some(i) = choices(ui, "Size", &["On the surface", "On the screen"], on) {
+        desk.hand.on_screen = i == 1;
+    }
     let brush = desk.hand.brush_mut();
     let row = |ui: &mut Ui,
                name: &str,

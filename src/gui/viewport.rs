@@ -8,7 +8,7 @@ use super::theme::Palette;
 use super::widgets::{Bar, icon_button, overlay_text};
 use anisomap::brdf::Model;
 use anisomap::map::{Rect as Pixels, Size};
-use anisomap::paint::path::Steady;
+use anisomap::paint::path::{PulledString, Steady, snap_angle};
 use anisomap::paint::{Point, surface_scale};
 use anisomap::preview::{Look, Measure, Rig, Scene, srgb_from_linear};
 use anisomap::raster::Camera;
@@ -38,8 +38,9 @@ pub(crate) const MESHES: [&str; 6] = ["torus", "pot", "sphere", "plane", "cylind
 /// How long nothing must happen before the picture is drawn better.
 const REST: Duration = Duration::from_millis(180);
 
-/// A stroke in flight: its path in pixels of the picture, and the last settled place with the pen's pressure.
+/// A stroke in flight: what the pen pulls, its path in pixels of the picture, and the last settled place with the pen's pressure.
 struct Drawing {
+    string: PulledString,
     steady: Steady,
     settled: (Vec2, f32),
 }
@@ -256,6 +257,9 @@ impl ViewportPane {
 
     /// Paints where the pointer drags over the mesh; `true` while it does.
     fn paint_with_pen(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) -> bool {
+        if desk.pointer_taken {
+            return true;
+        }
         let (mut taken, force) = (self.drawing.is_some(), pressure(ui));
         for pen in pen(ui, response) {
             match (pen, self.drawing.is_some()) {
@@ -297,9 +301,10 @@ impl ViewportPane {
             return true;
         }
         let modifiers = ui.input(|i| i.modifiers);
-        let brush = desk
-            .hand
-            .stroke_brush(modifiers.command && !modifiers.shift);
+        let pixel = self.pixel_in_units(desk, hit); // how broad a pixel is
+        let point = pixel * ui.pixels_per_point();
+        let inverse = modifiers.command && !modifiers.shift;
+        let brush = desk.hand.stroke_brush(inverse, point);
         let seed = desk.stroke_seed();
         if desk.hand.kind() == ToolKind::Fill {
             // The whole map, wherever it is asked for.
@@ -312,13 +317,18 @@ impl ViewportPane {
         }
         let begun = desk.studio.begin_mesh_stroke(brush.into(), seed);
         if desk.told(begun).is_some() {
-            let here = (self.pixel(ui, at), force);
+            let pen = self.pixel(ui, at);
             let camera = desk.studio.scene().camera;
             let line_from = self
                 .last_end
                 .filter(|(_, seen)| modifiers.shift && *seen == camera);
-            let from = line_from.map_or(here, |(place, _)| (place, here.1));
+            // As the canvas does: a straight line, with Ctrl in steps of 15 degrees.
+            let aimed = line_from.filter(|_| modifiers.command);
+            let place = aimed.map_or(pen, |(from, _)| snap_angle(from, pen, 15.0));
+            let here = (place, force);
+            let from = line_from.map_or(here, |(place, _)| (place, force));
             let mut drawing = Drawing {
+                string: PulledString::new(place, desk.hand.string_length(point) / pixel),
                 steady: Steady::new(here.0, here.1, 1.0),
                 settled: here,
             };
@@ -333,8 +343,11 @@ impl ViewportPane {
     fn go_on(&mut self, ui: &Ui, desk: &Desk, at: Pos2, force: f32) {
         let to = self.pixel(ui, at);
         if let Some(drawing) = &mut self.drawing {
-            drawing.steady.go_on(to, force);
-            self.last_end = Some((to, desk.studio.scene().camera));
+            if let Some(next) = drawing.string.pull(to) {
+                drawing.steady.go_on(next, force);
+            }
+            let end = drawing.string.brush();
+            self.last_end = Some((end, desk.studio.scene().camera));
         }
     }
 
@@ -360,7 +373,7 @@ impl ViewportPane {
     pub(crate) fn cancel(&mut self, desk: &mut Desk) -> bool {
         let was = self.drawing.take().is_some();
         if was {
-            desk.studio.cancel_stroke();
+            desk.cancel_stroke();
         }
         was
     }
@@ -368,29 +381,51 @@ impl ViewportPane {
     /// The brush where it would paint.
     fn cursor(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) {
         let pointer = response.hover_pos().or(response.interact_pointer_pos());
+        let pointer = desk.adjusting.map_or(pointer, |a| Some(a.from()));
         let Some(pointer) = pointer.filter(|p| self.rect.contains(*p)) else {
             return;
         };
         if self.drawing.is_none() {
             self.hint_of_modifiers(ui, desk, pointer);
         }
-        let Some(hit) = self.hit else { return };
+        let text = desk.adjusting_text();
+        let hit = match &text {
+            Some(_) => desk.studio.pick(self.pixel(ui, pointer)),
+            None => self.hit,
+        };
+        if let Some(text) = &text {
+            let painter = ui.painter_at(self.rect);
+            let below = pointer + vec2(0.0, 24.0);
+            overlay_text(&painter, below, Align2::CENTER_TOP, text);
+        }
+        let Some(hit) = hit else { return };
         if !desk.hand.kind().paints() || ui.input(|i| i.modifiers.alt) {
             return;
         }
         desk.studio.expect_stroke(true);
-        let studio = &desk.studio;
-        let unit = *self.unit.get_or_insert_with(|| {
-            let aspect = studio.recipe().aspect_at(studio.map().size());
-            surface_scale(studio.mesh(), Vec2::new(aspect, 1.0))
-        });
+        let point = self.pixel_in_units(desk, hit) * ui.pixels_per_point();
         let brush = desk.hand.brush();
-        let radius = brush.radius * unit / hit.pixel.max(1e-9) / ui.pixels_per_point();
+        let radius = desk.hand.radius_at(point) / point;
         let painter = ui.painter_at(self.rect);
         ring(&painter, pointer, radius, 1.0);
         if brush.hardness < 0.99 && radius > 8.0 {
             ring(&painter, pointer, radius * brush.hardness, 0.45);
         }
+    }
+
+    /// How many surface units a pixel is broad where the pointer meets the mesh.
+    fn pixel_in_units(&mut self, desk: &Desk, hit: Hit) -> f32 {
+        let studio = &desk.studio;
+        let unit = *self.unit.get_or_insert_with(|| {
+            let aspect = studio.recipe().aspect_at(studio.map().size());
+            surface_scale(studio.mesh(), Vec2::new(aspect, 1.0))
+        });
+        hit.pixel.max(1e-9) / unit
+    }
+
+    /// Where it is.
+    pub(crate) fn rect(&self) -> Rect {
+        self.rect
     }
 
     /// What the held keys would do now.
@@ -402,6 +437,7 @@ impl ViewportPane {
             "left drag: turn; middle: move; right: zoom"
         } else if modifiers.shift {
             match (paints, is_middle) {
+                (true, _) if modifiers.command => "click: straight line in steps of 15 degrees",
                 (true, _) => "click: straight line; right drag: turn the lights",
                 (false, true) => "middle drag: move; right drag: turn the lights",
                 (false, false) => "right drag: turn the lights",

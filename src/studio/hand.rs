@@ -11,6 +11,9 @@ pub const RADIUS_RANGE: [f32; 2] = [0.0005, 2.0];
 /// Radii of the brush that it stays behind the pointer when the stabiliser does all it can.
 pub const STRING_RADII: f32 = 6.0;
 
+/// Points of the screen that a brush of radius 1 has for its radius, where sizes are the screen's.
+pub const SCREEN_POINTS: f32 = 500.0;
+
 /// A tool of the studio: those that paint, and those that do not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ToolKind {
@@ -150,6 +153,8 @@ pub struct Hand {
     pub copies: u32,
     /// What the copies are made around, UV units.
     pub symmetry_center: [f32; 2],
+    /// Whether brushes keep their size on the screen, whatever is zoomed to, in place of that on the surface.
+    pub on_screen: bool,
     /// How far the brush stays behind the pointer, as a part of [`STRING_RADII`] radii; 0 to 1.
     pub stabiliser: f32,
 }
@@ -172,6 +177,7 @@ impl Default for Hand {
             mirror: Mirror::Off,
             copies: 0,
             symmetry_center: [0.5; 2],
+            on_screen: false,
             stabiliser: 0.0,
         }
     }
@@ -217,9 +223,30 @@ impl Hand {
         &mut self.brushes[Self::place(self.kind)]
     }
 
-    /// The brush that a stroke is made with now; `inverse` while Ctrl is held: what a tool does is undone by hand.
-    pub fn stroke_brush(&self, inverse: bool) -> Brush {
+    /// The radius of a stroke that begins now, surface units, where a point of the screen is `point` surface units broad.
+    pub fn radius_at(&self, point: f32) -> f32 {
+        let radius = self.brush().radius;
+        if !self.on_screen {
+            return radius;
+        }
+        (radius * SCREEN_POINTS * point).clamp(RADIUS_RANGE[0], RADIUS_RANGE[1])
+    }
+
+    /// The breadth of the brush as it is measured now.
+    pub fn size_text(&self) -> String {
+        let breadth = 2.0 * self.brush().radius;
+        if self.on_screen {
+            format!("{:.0} pt", breadth * SCREEN_POINTS)
+        } else {
+            format!("{breadth:.4}")
+        }
+    }
+
+    /// The brush that a stroke is made with now, where a point of the screen is `point` surface units broad; `inverse` while Ctrl
+    /// is held: what a tool does is undone by hand.
+    pub fn stroke_brush(&self, inverse: bool, point: f32) -> Brush {
         let mut brush = self.brush().clone();
+        brush.radius = self.radius_at(point);
         if inverse {
             brush.tool = inverse_of(&brush.tool);
         }
@@ -242,9 +269,9 @@ impl Hand {
         }
     }
 
-    /// The string that the pointer pulls the brush by, surface units.
-    pub fn string_length(&self) -> f32 {
-        self.stabiliser.clamp(0.0, 1.0) * STRING_RADII * self.brush().radius
+    /// The string that the pointer pulls the brush by, surface units, where a point of the screen is `point` of them broad.
+    pub fn string_length(&self, point: f32) -> f32 {
+        self.stabiliser.clamp(0.0, 1.0) * STRING_RADII * self.radius_at(point)
     }
 
     /// Makes the brush larger (or smaller) by so many steps of a tenth.
@@ -327,8 +354,8 @@ mod tests {
         let mut hand = Hand::default();
         for kind in ToolKind::ALL {
             hand.take(kind);
-            hand.stroke_brush(false).check().unwrap();
-            hand.stroke_brush(true).check().unwrap();
+            hand.stroke_brush(false, 0.001).check().unwrap();
+            hand.stroke_brush(true, 0.001).check().unwrap();
             hand.resize(1000.0);
             hand.brush().check().unwrap();
             hand.resize(-1000.0);
@@ -343,11 +370,32 @@ mod tests {
     }
 
     #[test]
+    fn a_size_on_the_screen_is_the_same_at_every_zoom() {
+        let mut hand = Hand::default();
+        hand.set_radius(0.05);
+        assert_eq!([0.001, 0.004].map(|p| hand.radius_at(p)), [0.05; 2]);
+        hand.on_screen = true;
+        // 25 points, each so many units broad.
+        for (point, radius) in [(0.001, 0.025), (0.004, 0.1), (1e-9, 0.0005), (1e9, 2.0)] {
+            let brush = hand.stroke_brush(false, point);
+            assert!(
+                (brush.radius / radius - 1.0).abs() < 1e-5,
+                "{}",
+                brush.radius
+            );
+            brush.check().unwrap();
+        }
+        assert_eq!(hand.size_text(), "50 pt");
+        hand.stabiliser = 0.5;
+        assert!((hand.string_length(0.004) - 0.3).abs() < 1e-6);
+    }
+
+    #[test]
     fn ctrl_undoes_what_the_tool_does() {
         let mut hand = Hand::default();
-        assert_eq!(hand.stroke_brush(true).tool, Tool::Erase);
+        assert_eq!(hand.stroke_brush(true, 0.001).tool, Tool::Erase);
         hand.take(ToolKind::Roughen);
-        let Tool::Roughen(r) = hand.stroke_brush(true).tool else {
+        let Tool::Roughen(r) = hand.stroke_brush(true, 0.001).tool else {
             panic!()
         };
         assert!((r.factor * 1.5 - 1.0).abs() < 1e-6);
@@ -378,7 +426,7 @@ mod tests {
         assert_eq!(hand.symmetry(), Symmetry::MirrorBoth { at: [0.5; 2] });
         hand.copies = 6;
         assert!(matches!(hand.symmetry(), Symmetry::Radial { count: 6, .. }));
-        hand.stroke_brush(false).check().unwrap();
+        hand.stroke_brush(false, 0.001).check().unwrap();
         hand.harden(3.0);
         hand.change_flow(-20.0);
         assert_eq!((hand.brush().hardness, hand.brush().flow), (0.8, 0.0));

@@ -98,8 +98,14 @@ impl App {
             Action::ToggleStabiliser => {
                 hand.stabiliser = if hand.stabiliser > 0.0 { 0.0 } else { 0.4 }
             }
-            Action::DragSize => self.canvas.begin_adjusting(ui, &self.desk, false),
-            Action::DragFlow => self.canvas.begin_adjusting(ui, &self.desk, true),
+            Action::DragSize | Action::DragFlow => {
+                let pane = match self.desk.panes {
+                    Panes::Viewport => self.viewport.rect(),
+                    _ => self.canvas.rect,
+                };
+                let flow = action == Action::DragFlow;
+                self.desk.begin_adjusting(ui.ctx(), pane.center(), flow);
+            }
             _ => {}
         }
     }

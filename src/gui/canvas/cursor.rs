@@ -1,6 +1,6 @@
 //! What the pointer carries with it: the brush, its copies, what the held keys do.
 
-use super::stroke::{Adjusting, aim};
+use super::stroke::aim;
 use super::{CanvasPane, extent};
 use crate::gui::desk::Desk;
 use crate::gui::pane::ring;
@@ -20,10 +20,9 @@ impl CanvasPane {
         camera: Camera2d,
     ) {
         let pointer = response.hover_pos().or(response.interact_pointer_pos());
-        let (centre, pointer) = match (self.adjusting, pointer) {
-            (Some(Adjusting::Size { from, .. } | Adjusting::Flow { from, .. }), _) => (from, from),
-            (None, Some(pointer)) if self.rect.contains(pointer) => (pointer, pointer),
-            _ => return,
+        let pointer = desk.adjusting.map_or(pointer, |a| Some(a.from()));
+        let Some(pointer) = pointer.filter(|p| self.rect.contains(*p)) else {
+            return;
         };
         if desk.hand.kind().paints() {
             desk.studio.expect_stroke(false);
@@ -36,9 +35,10 @@ impl CanvasPane {
             return;
         }
         let brush = desk.hand.brush();
-        let radius = brush.radius * self.points_per_unit(ui, camera);
+        let radius = self.radius(ui, desk, camera);
+        let centre = pointer;
         ring(painter, centre, radius, 1.0);
-        if self.adjusting.is_none() {
+        if desk.adjusting.is_none() {
             self.ghosts(ui, painter, desk, camera, (centre, radius));
         }
         if brush.hardness < 0.99 && radius > 8.0 {
@@ -50,22 +50,16 @@ impl CanvasPane {
         if self.drawing.is_none() {
             self.hint_of_modifiers(ui, painter, pointer, desk, camera, radius);
         }
-        if self.adjusting.is_some() {
-            let text = match self.adjusting {
-                Some(Adjusting::Flow { .. }) => format!("flow {:.0}%", brush.flow * 100.0),
-                _ => format!(
-                    "size {:.4}  hardness {:.0}%",
-                    2.0 * brush.radius,
-                    brush.hardness * 100.0
-                ),
-            };
-            overlay_text(
-                painter,
-                centre + vec2(0.0, radius + 16.0),
-                Align2::CENTER_TOP,
-                &text,
-            );
+        if let Some(text) = desk.adjusting_text() {
+            let below = centre + vec2(0.0, radius + 16.0);
+            overlay_text(painter, below, Align2::CENTER_TOP, &text);
         }
+    }
+
+    /// The brush's radius in points.
+    fn radius(&self, ui: &Ui, desk: &Desk, camera: Camera2d) -> f32 {
+        let unit = self.points_per_unit(ui, camera);
+        desk.hand.radius_at(1.0 / unit) * unit
     }
 
     /// Where else a brush at a place paints: a map that repeats goes on at its opposite edge.
@@ -163,7 +157,7 @@ impl CanvasPane {
         let place = uv * extent(desk);
         let at = self.screen_at(ui.pixels_per_point(), desk, camera, place);
         if desk.hand.kind().paints() {
-            let radius = desk.hand.brush().radius * self.points_per_unit(ui, camera);
+            let radius = self.radius(ui, desk, camera);
             ring(painter, at, radius.max(3.0), 0.8);
         }
         painter.circle_filled(at, 3.0, Color32::from_black_alpha(160));

@@ -5,7 +5,7 @@ use crate::gui::icons::Icon;
 use crate::gui::theme::Palette;
 use crate::gui::widgets::overlay_text;
 use eframe::egui::{
-    self, Align2, Color32, Painter, PointerButton, Pos2, Rect, Response, Stroke, Ui, vec2,
+    self, Align2, Color32, Event, Painter, PointerButton, Pos2, Rect, Response, Stroke, Ui, vec2,
 };
 use glam::{Vec2, Vec3};
 
@@ -73,17 +73,17 @@ impl CanvasPane {
         }
         let by_chord =
             response.dragged_by(PointerButton::Secondary) && ui.input(|i| i.modifiers.shift);
-        let pressed = ui.input(|i| i.pointer.primary_pressed());
-        let pointer = ui.input(|i| i.pointer.interact_pos());
-        if pressed && response.contains_pointer() && pointer.is_some_and(|p| self.is_lamp(p)) {
-            self.holding_light = true;
-        }
-        if !ui.input(|i| i.pointer.any_down()) {
-            self.holding_light = false;
-        }
-        if !self.holding_light && !by_chord {
+        // Where the button went down, not where the pointer is by the end of the frame.
+        let pressed = ui.input(|i| i.events.iter().find_map(|e| button(e, true)));
+        let taken = response.contains_pointer() && pressed.is_some_and(|at| self.is_lamp(at));
+        self.holding_light = (self.holding_light || taken) && ui.input(|i| i.pointer.any_down());
+        // Let go in the frame in which it was taken, it moved all the same.
+        if !self.holding_light && !taken && !by_chord {
             return false;
         }
+        let released = ui.input(|i| i.events.iter().rev().find_map(|e| button(e, false)));
+        let released = released.filter(|_| !self.holding_light);
+        let pointer = released.or_else(|| ui.input(|i| i.pointer.interact_pos()));
         let flat = if by_chord {
             let moved = response.drag_delta() / (0.4 * self.rect.size().min_elem().max(1.0));
             Vec2::new(self.light.x + moved.x, self.light.y - moved.y)
@@ -94,5 +94,18 @@ impl CanvasPane {
         let flat = flat.clamp_length_max(0.98);
         self.light = Vec3::new(flat.x, flat.y, (1.0 - flat.length_squared()).sqrt());
         true
+    }
+}
+
+/// Where an event presses the first button, or lets it go.
+fn button(event: &Event, is_pressed: bool) -> Option<Pos2> {
+    match event {
+        Event::PointerButton {
+            pos,
+            button: PointerButton::Primary,
+            pressed,
+            ..
+        } if *pressed == is_pressed => Some(*pos),
+        _ => None,
     }
 }

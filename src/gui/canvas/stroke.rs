@@ -24,20 +24,6 @@ pub(super) struct Drawing {
     line_from: Option<Vec2>,
 }
 
-/// What a drag without a pressed button changes: begun by a key, ended by a click.
-#[derive(Clone, Copy)]
-pub(crate) enum Adjusting {
-    Size {
-        from: Pos2,
-        radius: f32,
-        hardness: f32,
-    },
-    Flow {
-        from: Pos2,
-        flow: f32,
-    },
-}
-
 impl CanvasPane {
     pub(super) fn paint_with_pen(
         &mut self,
@@ -46,7 +32,7 @@ impl CanvasPane {
         desk: &mut Desk,
         camera: Camera2d,
     ) {
-        if self.adjust(ui, response, desk) || self.hold_light(ui, response) {
+        if desk.pointer_taken || self.hold_light(ui, response) {
             return;
         }
         let modifiers = ui.input(|i| i.modifiers);
@@ -98,7 +84,8 @@ impl CanvasPane {
         let turns = if self.wrap { uv.floor() } else { Vec2::ZERO };
         let at = (uv - turns) * extent(desk);
         let inverse = modifiers.command && !modifiers.shift;
-        if !self.begin(desk, inverse) {
+        let point = 1.0 / self.points_per_unit(ui, camera);
+        if !self.begin(desk, inverse, point) {
             return;
         }
         let line_from = match self.last_end {
@@ -106,8 +93,8 @@ impl CanvasPane {
             None if modifiers.shift => Some(at),
             _ => None,
         };
-        let string = PulledString::new(at, desk.hand.string_length());
-        let pixel = 1.0 / (self.points_per_unit(ui, camera) * ui.pixels_per_point());
+        let string = PulledString::new(at, desk.hand.string_length(point));
+        let pixel = point / ui.pixels_per_point();
         self.drawing = Some(Drawing {
             string,
             steady: Steady::new(at, pressure(ui), pixel),
@@ -121,13 +108,14 @@ impl CanvasPane {
         }
     }
 
-    /// Begins a stroke, on a paint layer of its own where the selected one takes none.
-    pub(super) fn begin(&mut self, desk: &mut Desk, inverse: bool) -> bool {
+    /// Begins a stroke, on a paint layer of its own where the selected one takes none; a `point` of the screen is so many surface
+    /// units broad.
+    pub(super) fn begin(&mut self, desk: &mut Desk, inverse: bool, point: f32) -> bool {
         if !desk.ready_layer() {
             return false;
         }
         let seed = desk.stroke_seed();
-        let brush = Arc::new(desk.hand.stroke_brush(inverse));
+        let brush = Arc::new(desk.hand.stroke_brush(inverse, point));
         let begun = desk.studio.begin_stroke(brush, seed);
         desk.told(begun).is_some()
     }
@@ -159,6 +147,7 @@ impl CanvasPane {
         (at, force): (Pos2, f32),
     ) {
         let place = self.surface_at(ui, desk, camera, at);
+        let point = 1.0 / self.points_per_unit(ui, camera);
         let Some(drawing) = &mut self.drawing else {
             return;
         };
@@ -169,7 +158,7 @@ impl CanvasPane {
                 let (inverse, end) = (drawing.inverse, aim(from, place, snap));
                 drawing.string = PulledString::new(end, 0.0);
                 desk.studio.cancel_stroke();
-                if self.begin(desk, inverse) {
+                if self.begin(desk, inverse, point) {
                     self.draw_line(desk, from, end);
                 }
             }
@@ -192,84 +181,15 @@ impl CanvasPane {
 
     /// Takes the stroke in flight away; `true` when there was one.
     pub(crate) fn cancel(&mut self, desk: &mut Desk) -> bool {
-        let adjusting = self.adjusting.take();
-        match adjusting {
-            Some(Adjusting::Size {
-                radius, hardness, ..
-            }) => {
-                desk.hand.set_radius(radius);
-                desk.hand.brush_mut().hardness = hardness;
-            }
-            Some(Adjusting::Flow { flow, .. }) => desk.hand.brush_mut().flow = flow,
-            None => {}
-        }
+        let adjusting = desk.call_off_adjusting();
         if self.drawing.take().is_some() {
-            desk.studio.cancel_stroke();
+            desk.cancel_stroke();
             return true;
         }
         let mut guides = std::mem::take(&mut desk.guides);
         let dragged = guides.cancel(desk);
         desk.guides = guides;
-        adjusting.is_some() || dragged
-    }
-
-    /// Begins to change size or flow by moving the pointer.
-    pub(crate) fn begin_adjusting(&mut self, ui: &Ui, desk: &Desk, flow: bool) {
-        let from = ui
-            .input(|i| i.pointer.hover_pos())
-            .unwrap_or(self.rect.center());
-        let brush = desk.hand.brush();
-        self.adjusting = Some(if flow {
-            Adjusting::Flow {
-                from,
-                flow: brush.flow,
-            }
-        } else {
-            Adjusting::Size {
-                from,
-                radius: brush.radius,
-                hardness: brush.hardness,
-            }
-        });
-    }
-
-    /// Follows the pointer while size or flow is dragged; `true` while it is.
-    pub(super) fn adjust(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) -> bool {
-        let Some(adjusting) = self.adjusting else {
-            return false;
-        };
-        let (pointer, clicked, refused) = ui.input(|i| {
-            (
-                i.pointer.hover_pos(),
-                i.pointer.primary_pressed(),
-                i.pointer.secondary_pressed(),
-            )
-        });
-        if refused {
-            self.cancel(desk);
-            return true;
-        }
-        if let Some(pointer) = pointer {
-            match adjusting {
-                Adjusting::Size {
-                    from,
-                    radius,
-                    hardness,
-                } => {
-                    let way = pointer - from;
-                    desk.hand.set_radius(radius * 1.012f32.powf(way.x));
-                    desk.hand.brush_mut().hardness = (hardness - way.y / 250.0).clamp(0.0, 1.0);
-                }
-                Adjusting::Flow { from, flow } => {
-                    let value = flow + (pointer.x - from.x) / 250.0;
-                    desk.hand.brush_mut().flow = value.clamp(0.0, 1.0);
-                }
-            }
-        }
-        if clicked || response.clicked() || ui.input(|i| i.key_pressed(egui::Key::Enter)) {
-            self.adjusting = None;
-        }
-        true
+        adjusting || dragged
     }
 
     /// Whether a stroke is being drawn.

@@ -3,6 +3,7 @@
 mod bad_input;
 mod guides;
 mod names;
+mod pen;
 mod renderer;
 mod shortcuts;
 mod sources;
@@ -237,6 +238,37 @@ fn a_stroke_that_lies_within_one_slow_frame_is_painted_whole() {
 }
 
 #[test]
+fn a_flick_of_the_light_within_one_slow_frame_moves_it_and_paints_nothing() {
+    let (mut window, _folder) = window();
+    let before = window.state().canvas.light;
+    let rect = window.get_by_label("Paint canvas").rect();
+    let ball = rect.right_top() + vec2(-38.0, 38.0);
+    let end = ball + vec2(-15.0, 5.0);
+    let press = |pos, pressed| Event::PointerButton {
+        pos,
+        button: eframe::egui::PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    window.hover_at(ball);
+    window.step();
+    window.input_mut().events = vec![
+        press(ball, true),
+        Event::PointerMoved(end),
+        press(end, false),
+        Event::PointerMoved(rect.center()),
+    ];
+    window.step();
+    settle(&mut window);
+    let after = window.state().canvas.light;
+    assert!(after != before && after.x < 0.0, "{before} {after}");
+    assert_eq!(strokes(&window), 0);
+    window.hover_at(rect.center_top());
+    window.step();
+    assert_eq!(window.state().canvas.light, after, "it was let go");
+}
+
+#[test]
 fn keys_between_strokes_of_one_slow_frame_are_obeyed_in_their_turn() {
     let (mut window, _folder) = window();
     let rect = window.get_by_label("Paint canvas").rect();
@@ -358,6 +390,42 @@ fn escape_takes_the_stroke_in_flight_away() {
     window.drop_at(rect.lerp_inside(vec2(0.6, 0.5)));
     window.step();
     assert!(strokes(&window) == 0 && map(&window) == before);
+}
+
+#[test]
+fn a_stroke_on_a_pattern_gets_a_layer_and_one_that_paints_nothing_leaves_none() {
+    let (mut window, _folder) = window();
+    let state = |window: &Window| {
+        let studio = &window.state().desk.studio;
+        let names = studio.recipe().layers.iter().map(|l| l.name().to_owned());
+        (names.collect::<Vec<_>>(), studio.selected())
+    };
+    window.state_mut().desk.studio.select(0);
+    settle(&mut window);
+    let before = state(&window);
+    // A click gives no direction.
+    stroke(&mut window, (0.5, 0.5), (0.5, 0.5));
+    settle(&mut window);
+    assert_eq!((state(&window), strokes(&window)), (before.clone(), 0));
+    let rect = window.get_by_label("Paint canvas").rect();
+    window.drag_at(rect.lerp_inside(vec2(0.4, 0.5)));
+    window.step();
+    window.hover_at(rect.lerp_inside(vec2(0.6, 0.5)));
+    window.step();
+    assert_eq!(state(&window).0.len(), before.0.len() + 1);
+    press(&mut window, "Escape");
+    window.drop_at(rect.lerp_inside(vec2(0.6, 0.5)));
+    window.step();
+    settle(&mut window);
+    assert_eq!((state(&window), strokes(&window)), (before.clone(), 0));
+    stroke(&mut window, (0.3, 0.4), (0.6, 0.7));
+    land(&mut window);
+    settle(&mut window);
+    assert_eq!(strokes(&window), 1);
+    assert_eq!(
+        state(&window),
+        (vec!["ground".into(), "paint 2".into(), "paint".into()], 1)
+    );
 }
 
 #[test]

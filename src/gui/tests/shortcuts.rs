@@ -75,7 +75,7 @@ fn see(window: &Window) -> Seen {
         scale: app.desk.settings.scale,
         focused: window.ctx.memory(|m| m.focused().is_some()),
         renaming: app.layers.is_renaming(),
-        adjusting: app.canvas.adjusting.is_some(),
+        adjusting: app.desk.adjusting.is_some(),
         drawing: app.canvas.is_drawing(),
         dialog: app.dialog.as_ref().map(discriminant),
     }
@@ -119,6 +119,7 @@ fn prepare(window: &mut Window, action: Action) {
             assert!(window.state().canvas.is_drawing());
         }
         Action::RaiseLayer | Action::SelectAbove => app.desk.studio.select(1),
+        Action::FlowUp => app.desk.hand.change_flow(-5.0),
         Action::ToolGroove => app.desk.hand.take(ToolKind::Comb),
         Action::View1 | Action::ViewLit => app.canvas.kind = Kind::Ratio,
         Action::ShowBoth => app.desk.panes = Panes::Canvas,
@@ -221,8 +222,7 @@ fn check(action: Action, a: &Seen, b: &Seen, asked: &[ViewportCommand], window: 
         Action::HardnessDown => hardness(b) < hardness(a),
         Action::HardnessUp => hardness(b) > hardness(a),
         Action::FlowDown => flow(b) < flow(a),
-        // It is full from the start.
-        Action::FlowUp => flow(b) == 1.0,
+        Action::FlowUp => flow(b) > flow(a),
         Action::DragSize | Action::DragFlow => b.adjusting && !a.adjusting,
         Action::SwapAlphas => {
             use anisomap::paint::Tool;
