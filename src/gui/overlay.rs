@@ -3,14 +3,15 @@
 use super::canvas::Kind;
 use super::desk::Desk;
 use super::pane::put;
+use super::widgets::overlay_text;
 use super::work::{Now, Work};
 use anisomap::Error;
 use anisomap::map::Size;
 use anisomap::progress::Progress;
 use anisomap::studio::apart;
 use anisomap::studio::view::{
-    AlphaRange, Camera2d, Coverage, Legend, LegendShape, LintMarks, MarkedPole, Needle, RatioRange,
-    View, seam_colour,
+    AlphaRange, Camera2d, Coverage, Legend, LegendShape, LintMarks, MarkedPole, MarkedSeam, Needle,
+    RatioRange, View, seam_colour,
 };
 use eframe::egui::{
     Align2, Color32, ColorImage, CornerRadius, FontId, Painter, Pos2, Rect, Shape, Stroke,
@@ -350,7 +351,8 @@ impl Overlay {
     fn paint_marks(&self, painter: &Painter, rect: Rect, scale: f32, camera: Camera2d) {
         let Some(marks) = &self.marks else { return };
         let place = |p: glam::Vec2| rect.min + vec2(p.x, p.y) / scale;
-        for seam in marks.seams(&camera) {
+        let seams = marks.seams(&camera);
+        for seam in &seams {
             let [r, g, b, _] = seam.colour;
             // What can hardly be seen on the mesh is hardly seen here.
             let (width, alpha) = if seam.degrees < 2.0 {
@@ -365,6 +367,18 @@ impl Overlay {
         let places = poles.iter().map(|p| place(p.at)).collect::<Vec<_>>();
         for heap in heaps(&places) {
             paint_heap(painter, &heap, &poles);
+        }
+        let middle = |seam: &MarkedSeam| place((seam.ends[0] + seam.ends[1]) / 2.0);
+        let all = seams.iter().map(|s| (middle(s), s.degrees));
+        for (at, degrees) in worst_apart(all.filter(|(at, _)| rect.contains(*at))) {
+            let text = format!("{degrees:.0}\u{b0}");
+            let anchor = if at.x > rect.center().x {
+                Align2::RIGHT_CENTER
+            } else {
+                Align2::LEFT_CENTER
+            };
+            let beside = if at.x > rect.center().x { -5.0 } else { 5.0 };
+            overlay_text(painter, at + vec2(beside, 0.0), anchor, &text);
         }
     }
 
@@ -415,6 +429,27 @@ impl Overlay {
             _ => None,
         }
     }
+}
+
+/// Points between two seams whose jumps are written beside them.
+const APART: f32 = 90.0;
+/// Jumps that are written, degrees.
+const TOLD: f32 = 1.0;
+
+/// The largest jump of each neighbourhood.
+fn worst_apart(seams: impl Iterator<Item = (Pos2, f32)>) -> Vec<(Pos2, f32)> {
+    let mut all: Vec<_> = seams.filter(|(_, degrees)| *degrees > TOLD).collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut told: Vec<(Pos2, f32)> = Vec::new();
+    for (at, degrees) in all {
+        if told.len() == 24 {
+            break;
+        }
+        if told.iter().all(|(other, _)| other.distance(at) >= APART) {
+            told.push((at, degrees));
+        }
+    }
+    told
 }
 
 /// What lines and badges of the lint view mean, above a place.
