@@ -59,6 +59,8 @@ struct Report {
 /// The dialog.
 pub(crate) struct ExportDialog {
     targets: Vec<Target>,
+    /// Whether OpenEXR files hold 32-bit floats.
+    float: bool,
     size: Size,
     pub(crate) folder: String,
     name: String,
@@ -107,6 +109,7 @@ impl ExportDialog {
             } else {
                 settings.targets.clone()
             },
+            float: settings.float,
             size: recipe.size,
             folder: folder.display().to_string(),
             name: if stem.is_empty() {
@@ -167,6 +170,15 @@ impl ExportDialog {
                 }
             });
         }
+        let has_exr = [Target::Exr, Target::RgbExr]
+            .iter()
+            .any(|t| self.targets.contains(t));
+        ui.add_enabled_ui(has_exr, |ui| {
+            ui.checkbox(&mut self.float, "32-bit floats in OpenEXR")
+                .on_hover_text(
+                    "Nothing is rounded, and files are twice as large. Halves are within 0.05 %.",
+                );
+        });
         caption(ui, "Size in texels");
         let own = desk.studio.recipe().size;
         egui::ComboBox::from_id_salt("export size")
@@ -189,7 +201,8 @@ impl ExportDialog {
         ui.horizontal(|ui| {
             let width = ui.available_width() - 90.0;
             ui.add(egui::TextEdit::singleline(&mut self.folder).desired_width(width))
-                .accessible_name("Folder");
+                .accessible_name("Folder")
+                .on_hover_text("Where the files go; made where it is missing.");
             if ui
                 .button("Browse\u{2026}")
                 .on_hover_text("Asks the desktop for a folder.")
@@ -217,7 +230,8 @@ impl ExportDialog {
             if go.on_hover_text("Writes the files.").clicked() {
                 self.begin(ui, desk);
             }
-            if ui.button("Close").clicked() {
+            let close = ui.button("Close");
+            if close.on_hover_text("Writes nothing (Escape).").clicked() {
                 wish = Wish::Close;
             }
         });
@@ -270,7 +284,10 @@ impl ExportDialog {
             folder,
             stem: self.name.trim().to_owned(),
             formats: self.targets.clone(),
-            precision: Precision::Half,
+            precision: match self.float {
+                true => Precision::Float,
+                false => Precision::Half,
+            },
             mesh: None,
             allow_outside: desk.studio.document().files().allow_outside,
             readme: true,
@@ -301,6 +318,7 @@ impl ExportDialog {
         }
         desk.settings.export.folder = Some(PathBuf::from(self.folder.trim()));
         desk.settings.export.targets.clone_from(&self.targets);
+        desk.settings.export.float = self.float;
         desk.save_settings();
         match Work::begin("export", ui.ctx(), move |reins, give| {
             give(apart(|| write(&job, reins)));
@@ -467,7 +485,13 @@ fn notes(job: &Job, made: &Made) -> Vec<String> {
         ));
     }
     if notes.is_empty() {
-        notes.push("Nothing beyond the rounding of half floats or 16 bits.".to_owned());
+        let is_exr = |t: &Target| matches!(t, Target::Exr | Target::RgbExr);
+        let is_whole = job.precision == Precision::Float && job.formats.iter().all(is_exr);
+        let lost = match is_whole {
+            true => "Nothing.",
+            false => "Nothing beyond the rounding of half floats or 16 bits.",
+        };
+        notes.push(lost.to_owned());
     }
     notes
 }

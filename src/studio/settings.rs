@@ -103,6 +103,8 @@ pub struct ExportSettings {
     /// What is written. Default: what the recipe says.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub targets: Vec<Target>,
+    /// Whether OpenEXR files hold 32-bit floats in place of halves. Default false.
+    pub float: bool,
 }
 
 impl Default for Settings {

@@ -12,6 +12,7 @@ use super::app::App;
 use super::canvas::Kind;
 use super::desk::Panes;
 use super::dialogs::Dialog;
+use anisomap::export::exr::Precision;
 use anisomap::paint::Points;
 use anisomap::recipe::{RecipeFile, Source};
 use anisomap::studio::action::Action;
@@ -663,12 +664,19 @@ fn an_export_asks_before_it_replaces_what_this_document_did_not_write() {
 
 #[test]
 fn what_the_window_exports_is_what_generate_writes() {
+    exports_as_generate_does(Precision::Half);
+    exports_as_generate_does(Precision::Float);
+}
+
+fn exports_as_generate_does(precision: Precision) {
     let (mut window, folder) = window();
     let path = folder.path().join("small.toml");
     let ctx = window.ctx.clone();
     window.state_mut().save(&ctx, &path);
     let (out, other) = (folder.path().join("out"), folder.path().join("other"));
-    window.state_mut().desk.settings.export.targets = anisomap::recipe::Target::ALL.to_vec();
+    let export = &mut window.state_mut().desk.settings.export;
+    export.targets = anisomap::recipe::Target::ALL.to_vec();
+    export.float = precision == Precision::Float;
     export_to(&mut window, &out);
     let file = RecipeFile::read(&path).unwrap();
     let job = anisomap::generate::Job {
@@ -676,7 +684,7 @@ fn what_the_window_exports_is_what_generate_writes() {
         file,
         folder: other.clone(),
         formats: anisomap::recipe::Target::ALL.to_vec(),
-        precision: Default::default(),
+        precision,
         mesh: None,
         allow_outside: false,
         readme: true,
