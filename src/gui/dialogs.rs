@@ -404,10 +404,12 @@ fn newer(ui: &mut Ui, ignored: &[String]) -> (Next, Option<Wish>) {
     ui.add_space(8.0);
     let mut answer = (Next::Stay, None);
     ui.horizontal(|ui| {
-        if main_button(ui, "Save a copy").clicked() {
+        let copy = main_button(ui, "Save a copy");
+        let tip = "Under another name, in this version; this file stays as it is.";
+        if copy.on_hover_text(tip).clicked() {
             answer = (Next::Close, Some(Wish::SaveCopy));
         }
-        if ui.button("Cancel").clicked() {
+        if cancel_button(ui).clicked() {
             answer = (Next::Close, None);
         }
     });
@@ -569,7 +571,12 @@ fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, O
     let words: Vec<String> = sides.iter().map(u32::to_string).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let now = sides.iter().position(|s| *s == new.side).unwrap_or(1);
-    if let Some(i) = choices(ui, "Side", &words, now) {
+    if let Some(i) = choices(
+        ui,
+        ("Side", "Texels along both sides of the map."),
+        &words,
+        now,
+    ) {
         new.side = sides[i];
     }
     if let Ok(file) = new.recipe() {
@@ -585,7 +592,12 @@ fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, O
     let meshes = super::viewport::MESHES.map(super::properties::sentence);
     let mut words: Vec<&str> = meshes.iter().map(String::as_str).collect();
     words.push("Own\u{2026}");
-    if let Some(i) = choices(ui, "Mesh", &words, new.mesh) {
+    if let Some(i) = choices(
+        ui,
+        ("Mesh", "What the map is shown on, and painted on."),
+        &words,
+        new.mesh,
+    ) {
         new.mesh = i;
         new.aspect = aspect_of(i);
     }
@@ -685,7 +697,12 @@ fn settings(ui: &mut Ui, desk: &mut Desk) -> (Next, Option<Wish>) {
         .iter()
         .position(|t| *t == desk.settings.theme)
         .unwrap_or(0);
-    if let Some(i) = choices(ui, "Theme", &["Dark", "Light", "As the system"], now) {
+    if let Some(i) = choices(
+        ui,
+        ("Theme", "The colours of the window."),
+        &["Dark", "Light", "As the system"],
+        now,
+    ) {
         desk.settings.theme = themes[i];
         theme::choose(ui.ctx(), themes[i]);
     }
@@ -695,7 +712,12 @@ fn settings(ui: &mut Ui, desk: &mut Desk) -> (Next, Option<Wish>) {
         .iter()
         .position(|s| (s - desk.settings.scale).abs() < 0.05)
         .unwrap_or(usize::MAX);
-    if let Some(i) = choices(ui, "Scale", &["80%", "100%", "125%", "150%", "200%"], now) {
+    if let Some(i) = choices(
+        ui,
+        ("Scale", "Size of text and controls."),
+        &["80%", "100%", "125%", "150%", "200%"],
+        now,
+    ) {
         desk.settings.scale = scales[i];
         ui.ctx().set_zoom_factor(scales[i]);
     }
@@ -705,7 +727,15 @@ fn settings(ui: &mut Ui, desk: &mut Desk) -> (Next, Option<Wish>) {
         .iter()
         .position(|p| *p == desk.settings.navigation)
         .unwrap_or(0);
-    if let Some(i) = choices(ui, "Camera", &["Alt + buttons", "Middle button"], now) {
+    if let Some(i) = choices(
+        ui,
+        (
+            "Camera",
+            "What turns, moves and zooms the 3D view: Alt and the left, middle and right button, or the middle button alone, with Shift and with Ctrl.",
+        ),
+        &["Alt + buttons", "Middle button"],
+        now,
+    ) {
         desk.settings.navigation = presets[i];
     }
     ui.label(

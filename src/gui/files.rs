@@ -171,7 +171,8 @@ impl FileDialog {
         super::widgets::caption(ui, "Path");
         let field = ui
             .add(TextEdit::singleline(&mut self.text).desired_width(f32::INFINITY))
-            .accessible_name("Path");
+            .accessible_name("Path")
+            .on_hover_text("The file's path, whole or from the folder above.");
         // While a dialog is only measured, nothing in it takes the focus.
         if self.fresh && !ui.is_sizing_pass() {
             self.fresh = false;
@@ -205,7 +206,9 @@ impl FileDialog {
         }
         ui.add_space(6.0);
         ui.horizontal(|ui| {
-            if super::dialogs::default_button(ui, self.purpose.button()).clicked() || entered {
+            let accept = super::dialogs::default_button(ui, self.purpose.button());
+            let accept = accept.on_hover_text("Takes the path above (Enter).");
+            if accept.clicked() || entered {
                 answer = self.accept();
             }
             if has_desktop_dialogs()
@@ -216,7 +219,11 @@ impl FileDialog {
             {
                 self.ask_desktop(ui);
             }
-            if ui.button("Cancel").clicked() {
+            let cancel = ui.button("Cancel");
+            if cancel
+                .on_hover_text("Leaves everything as it is (Escape).")
+                .clicked()
+            {
                 answer = Answer::Close;
             }
         });

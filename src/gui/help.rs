@@ -66,7 +66,9 @@ impl Help {
                 let field = egui::TextEdit::singleline(&mut self.wanted)
                     .hint_text("Search")
                     .desired_width(200.0);
-                ui.add(field).accessible_name("Search shortcuts");
+                ui.add(field)
+                    .accessible_name("Search shortcuts")
+                    .on_hover_text("Words of an action's name, or a key.");
             });
         });
         let wanted = self.wanted.to_lowercase();

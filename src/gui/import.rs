@@ -258,7 +258,8 @@ impl ImportDialog {
             ui.horizontal(|ui| {
                 ui.label("Name of the layer");
                 ui.add(egui::TextEdit::singleline(&mut self.name).desired_width(200.0))
-                    .accessible_name("Name of the layer");
+                    .accessible_name("Name of the layer")
+                    .on_hover_text("What the layer and the file beside the recipe are called.");
             });
         }
         let problem = self.problem();
@@ -290,7 +291,8 @@ impl ImportDialog {
                     layer: self.seen.layer.clone(),
                 }));
             }
-            if ui.button("Cancel").clicked() {
+            let cancel = ui.button("Cancel");
+            if cancel.on_hover_text("Imports nothing (Escape).").clicked() {
                 wish = Wish::Close;
             }
         });

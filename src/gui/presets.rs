@@ -62,6 +62,7 @@ impl PresetBrowser {
             ui.label("Search");
             let field = egui::TextEdit::singleline(&mut self.search).desired_width(220.0);
             let field = ui.add(field).accessible_name("Search");
+            let field = field.on_hover_text("Words of a preset's name or description.");
             let first = !self.begun_search && !ui.is_sizing_pass();
             if first {
                 self.begun_search = true;
@@ -143,7 +144,8 @@ impl PresetBrowser {
                 .on_hover_text(
                     "Leaves out the lowest layer of several, which would hide what is there: for Add as layers.",
                 );
-            if ui.button("Close").clicked() {
+            let close = ui.button("Close");
+            if close.on_hover_text("Leaves everything as it is (Escape).").clicked() {
                 wish = Wish::Close;
             }
         });

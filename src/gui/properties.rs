@@ -340,7 +340,16 @@ fn parameter_tip(parameter: &anisomap::pattern::Parameter, key: &str) -> String 
 
 fn word_row(ui: &mut Ui, name: &str, value: &str, words: &[&'static str]) -> Option<toml::Value> {
     let now = words.iter().position(|w| *w == value).unwrap_or(0);
-    choices(ui, name, words, now).map(|i| toml::Value::from(words[i]))
+    choices(
+        ui,
+        (
+            name,
+            "Which of the ways there are; undone as any other change.",
+        ),
+        words,
+        now,
+    )
+    .map(|i| toml::Value::from(words[i]))
 }
 
 fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
@@ -516,7 +525,15 @@ fn document_panel(ui: &mut Ui, desk: &mut Desk) {
     caption(ui, "Beyond the edge");
     let wraps = [Wrap::Repeat, Wrap::RepeatU, Wrap::Clamp];
     let now = wraps.iter().position(|w| *w == header.wrap).unwrap_or(0);
-    if let Some(i) = choices(ui, "Wrap", &["Repeats", "Repeats in u", "Ends"], now) {
+    if let Some(i) = choices(
+        ui,
+        (
+            "Wrap",
+            "What lies beyond the edges of the map: the map again, again to the left and right alone, or nothing.",
+        ),
+        &["Repeats", "Repeats in u", "Ends"],
+        now,
+    ) {
         header.wrap = wraps[i];
         finished = true;
     }

@@ -99,7 +99,9 @@ fn of_mask(ui: &mut Ui, desk: &mut Desk) {
     let now = usize::from(erases != inverted);
     ui.label("Mask");
     let row = vec2(110.0, super::theme::ROW);
-    let chosen = ui.allocate_ui(row, |ui| choices(ui, "Mask", &["Show", "Hide"], now));
+    let chosen = ui.allocate_ui(row, |ui| {
+        choices(ui, ("Mask", MASK_TIP), &["Show", "Hide"], now)
+    });
     let swap = desk.keymap.keys_text(Action::SwapAlphas);
     chosen.response.on_hover_text(format!(
         "Every brush shows the layer where it paints, and the eraser hides it; {swap} changes between them, and Ctrl does the opposite while it is held.",
@@ -396,7 +398,15 @@ fn symmetry(ui: &mut Ui, desk: &mut Desk) {
 pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
     super::widgets::caption(ui, "Size is measured");
     let on = usize::from(desk.hand.on_screen);
-    if let Some(i) = choices(ui, "Size", &["On the surface", "On the screen"], on) {
+    if let Some(i) = choices(
+        ui,
+        (
+            "Size",
+            "What a brush keeps when the view is zoomed: its size on the surface, or that on the screen.",
+        ),
+        &["On the surface", "On the screen"],
+        on,
+    ) {
         desk.hand.on_screen = i == 1;
     }
     let brush = desk.hand.brush_mut();
@@ -460,7 +470,13 @@ pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
         .iter()
         .position(|m| *m == desk.hand.mirror)
         .unwrap_or(0);
-    if let Some(i) = choices(ui, "Mirror", &["Off", "Left/right", "Up/down", "Both"], now) {
+    let tip = tips(
+        desk,
+        "Every stroke on the other side as well.",
+        &[Action::ToggleMirror],
+    );
+    let words = ["Off", "Left/right", "Up/down", "Both"];
+    if let Some(i) = choices(ui, ("Mirror", &tip), &words, now) {
         desk.hand.mirror = modes[i];
     }
     let mut copies = f64::from(desk.hand.copies.max(1));
@@ -486,3 +502,6 @@ pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
             .on_hover_text("Where the mirrors stand and what copies go around, in UV. On the mesh that is its own middle.");
     }
 }
+
+const MASK_TIP: &str =
+    "Whether strokes on the mask show the layer or hide it. X exchanges the two.";

@@ -168,7 +168,7 @@ impl ViewportPane {
                         if !has_model {
                             chosen = look_menu(ui, "Model", chosen, &mut self.other, true);
                         }
-                        let modes = super::widgets::choices(ui, "Show", &MODES, mode_of(chosen));
+                        let modes = super::widgets::choices(ui, ("Show", "One model, two side by side (Y), or where they differ (Shift+Y)."), &MODES, mode_of(chosen));
                         if let Some(mode) = modes {
                             chosen = as_mode(mode, chosen.looks()[0], self.other);
                         }

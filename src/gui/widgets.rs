@@ -390,13 +390,19 @@ pub(crate) fn icon_button(
 }
 
 /// One of a few words in a row. Gives the index of the word that was clicked.
-pub(crate) fn choices(ui: &mut Ui, name: &str, words: &[&str], chosen: usize) -> Option<usize> {
+pub(crate) fn choices(
+    ui: &mut Ui,
+    (name, tip): (&str, &str),
+    words: &[&str],
+    chosen: usize,
+) -> Option<usize> {
     let width = (ui.available_width() / words.len() as f32).floor();
     let mut clicked = None;
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 0.0;
         for (i, word) in words.iter().enumerate() {
-            if choice(ui, name, word, i == chosen, width).clicked() {
+            let choice = choice(ui, name, word, i == chosen, width);
+            if choice.on_hover_text(tip).clicked() {
                 clicked = Some(i);
             }
         }
@@ -409,7 +415,7 @@ fn choice(ui: &mut Ui, name: &str, word: &str, chosen: bool, width: f32) -> Resp
     response.widget_info(|| {
         WidgetInfo::selected(Role::RadioButton, true, chosen, format!("{name} {word}"))
     });
-    let response = response.on_hover_text(format!("{name}: {}", word.to_lowercase()));
+    let response = response.on_hover_text(format!("{name}: {word}"));
     let palette = Palette::of(ui);
     let fill = if chosen {
         palette.accent_ground

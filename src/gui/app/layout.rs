@@ -13,7 +13,8 @@ use crate::gui::{status, tools};
 use anisomap::studio::action::{Action, Group};
 use anisomap::studio::orbit;
 use eframe::egui::{
-    self, CentralPanel, CornerRadius, Frame, Id, Margin, Panel, Rect, Sense, Ui, pos2, vec2,
+    self, CentralPanel, CornerRadius, Frame, Id, Margin, Panel, Rect, Sense, Ui, WidgetInfo, pos2,
+    vec2,
 };
 use std::path::PathBuf;
 
@@ -175,12 +176,28 @@ impl App {
     pub(super) fn divider(&mut self, ui: &mut Ui, rect: Rect) -> f32 {
         let middle = (rect.left() + rect.width() * self.desk.split).round();
         let handle = Rect::from_x_y_ranges((middle - 4.0)..=(middle + 4.0), rect.y_range());
-        let response = ui.interact(handle, Id::unique("divider"), Sense::drag());
-        if response.dragged() {
-            let moved = response.drag_delta().x / rect.width().max(1.0);
+        let id = Id::unique("divider");
+        let response = ui.interact(handle, id, Sense::click_and_drag());
+        response.widget_info(|| {
+            let part = f64::from(self.desk.split);
+            WidgetInfo::slider(true, part, "Split between the map and the 3D view")
+        });
+        let response = response
+            .on_hover_text("Drag, or with the focus arrow keys: the map's part of the room");
+        let mut moved = response.drag_delta().x / rect.width().max(1.0);
+        if response.has_focus() {
+            let filter = egui::EventFilter {
+                horizontal_arrows: true,
+                ..Default::default()
+            };
+            ui.memory_mut(|m| m.set_focus_lock_filter(id, filter));
+            let step = |key| 0.02 * ui.input(|i| i.num_presses(key)) as f32;
+            moved += step(egui::Key::ArrowRight) - step(egui::Key::ArrowLeft);
+        }
+        if moved != 0.0 {
             self.desk.split = (self.desk.split + moved).clamp(0.2, 0.8);
         }
-        if response.hovered() || response.dragged() {
+        if response.hovered() || response.dragged() || response.has_focus() {
             ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
             let line = Rect::from_x_y_ranges((middle - 2.0)..=(middle + 2.0), rect.y_range());
             ui.painter().rect_filled(

@@ -45,7 +45,12 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk, hand: &mut GuideHand) {
     let words = words.each_ref().map(String::as_str);
     let row = egui::vec2(310.0, crate::gui::theme::ROW);
     ui.allocate_ui(row, |ui| {
-        if let Some(i) = choices(ui, "Draw", &words, hand.shape) {
+        if let Some(i) = choices(
+            ui,
+            ("Draw", "What a drag on the map draws."),
+            &words,
+            hand.shape,
+        ) {
             hand.shape = i;
         }
     })
@@ -272,7 +277,15 @@ fn guide_rows(ui: &mut Ui, guide: &mut Guide) -> bool {
         .iter()
         .position(|(m, _)| *m == guide.mode)
         .unwrap_or(0);
-    if let Some(i) = choices(ui, "Mode", &MODES.map(|(_, word)| word), at) {
+    if let Some(i) = choices(
+        ui,
+        (
+            "Mode",
+            "How the guide leads: along it in rings, away from it, one way everywhere, or between the others as smoothly as can be.",
+        ),
+        &MODES.map(|(_, word)| word),
+        at,
+    ) {
         *guide = with_mode(guide, MODES[i].0);
         finished = true;
     }

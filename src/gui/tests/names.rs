@@ -133,3 +133,21 @@ fn every_list_opens_by_the_hand_by_the_keyboard_and_by_a_screen_reader() {
         window.run_steps(3);
     }
 }
+
+#[test]
+fn the_split_is_moved_with_arrow_keys() {
+    let (mut window, _folder) = window();
+    let before = window.state().desk.split;
+    window
+        .get_by_role_and_label(Role::Slider, "Split between the map and the 3D view")
+        .focus();
+    window.run_steps(2);
+    for (key, sign) in [(Key::ArrowRight, 1.0), (Key::ArrowLeft, -1.0)] {
+        let from = window.state().desk.split;
+        window.key_press(key);
+        window.run_steps(2);
+        let moved = window.state().desk.split - from;
+        assert!(moved * sign > 0.01, "{key:?} {moved}");
+    }
+    assert!((window.state().desk.split - before).abs() < 1e-4);
+}
