@@ -434,7 +434,7 @@ impl Overlay {
 /// Points between two seams whose jumps are written beside them.
 const APART: f32 = 90.0;
 /// Jumps that are written, degrees.
-const TOLD: f32 = 1.0;
+const TOLD: f32 = 2.0;
 
 /// The largest jump of each neighbourhood.
 fn worst_apart(seams: impl Iterator<Item = (Pos2, f32)>) -> Vec<(Pos2, f32)> {
