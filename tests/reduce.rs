@@ -344,6 +344,106 @@ fn without_highlights_the_cheapest_model_is_taken() {
     assert!(text.contains("models = [\"lambert\"]"), "{text}");
 }
 
+/// A brushed sheet, and what a recipe shows it with.
+fn brushed(models: &str) -> String {
+    format!(
+        "version = 1\nname = 'sheet'\nsize = 64\n[material]\ndiffuse = [0.04, 0.04, 0.04]\nspecular = [0.4, 0.4, 0.4]\n\
+         [scene]\nmodels = [{models}]\n[[layers]]\n[layers.brushed]\nangle = 10\n"
+    )
+}
+
+/// The models that a recipe names.
+fn models(desk: &Desk, recipe: &str) -> Vec<String> {
+    let file = RecipeFile::read(desk.path(recipe)).expect("a recipe");
+    file.recipe().scene.models.clone()
+}
+
+/// The 99.9th percentile of FLIP between the map of a recipe and that of its reduction, each drawn as `look` says.
+fn p999_between(desk: &Desk, recipe: &str, reduced: &str, look: &str) -> f32 {
+    let file = RecipeFile::read(desk.path(recipe)).expect("a recipe");
+    let mesh = mesh::open("torus").expect("a mesh");
+    let [full, kept] = [recipe, reduced].map(|name| {
+        let map = desk.map(name);
+        let subject = Subject {
+            mesh: &mesh,
+            map: &map,
+            material: &file.recipe().material,
+        };
+        let looks = Look::list(look).expect("a look");
+        let size = Size::new(96, 96).expect("a size");
+        let scene = Scene::for_mesh(&mesh);
+        let drawn = render_reference(subject, &scene, &looks, size, 8, &Progress::none());
+        drawn.expect("it draws").swap_remove(0)
+    });
+    Flip::new(&full, &kept, PIXELS_PER_DEGREE)
+        .expect("of one size")
+        .quantile(0.999)
+}
+
+#[test]
+fn every_look_of_a_recipe_is_judged() {
+    let desk = Desk::new();
+    for (shown, judged) in [
+        ("'lambert', 'ward'", vec!["lambert", "ward"]),
+        (
+            "'phong:mean', 'ward:mean', 'ward'",
+            vec!["phong:mean", "ward:mean", "ward"],
+        ),
+    ] {
+        desk.write("sheet.toml", &brushed(shown));
+        let json = desk.json("reduce ./sheet.toml -o out --tolerance 0.01 --size 96");
+        let scenes = json["scenes"].as_array().expect("a list");
+        let told: Vec<&str> = scenes.iter().filter_map(|s| s["model"].as_str()).collect();
+        assert_eq!(told, judged);
+        assert_eq!(json["full"]["model"], judged.join(","));
+        for scene in scenes {
+            assert!(number(&scene["error"]["mean"]) <= 0.01, "{scene}");
+            assert!(number(&scene["error"]["p999"]) <= 0.03, "{scene}");
+        }
+        assert_eq!(models(&desk, "out/sheet.reduced.toml"), judged);
+        for look in judged {
+            let p999 = p999_between(&desk, "sheet.toml", "out/sheet.reduced.toml", look);
+            assert!(p999 <= 0.03, "{shown}: {look} {p999}");
+        }
+    }
+}
+
+#[test]
+fn a_mean_alone_needs_only_the_mean() {
+    let desk = Desk::new();
+    desk.write("sheet.toml", &brushed("'ward:mean'"));
+    let json = desk.json("reduce ./sheet.toml -o out --tolerance 0.01 --size 96");
+    assert_eq!(json["reduced"]["kind"], "constants");
+    assert_eq!(models(&desk, "out/sheet.reduced.toml"), ["ward:mean"]);
+    let p999 = p999_between(&desk, "sheet.toml", "out/sheet.reduced.toml", "ward:mean");
+    assert!(p999 <= 0.03, "{p999}");
+}
+
+#[test]
+fn no_model_of_several_is_lost_and_the_one_asked_for_is_written() {
+    let desk = Desk::new();
+    // Without highlights every model looks like the cheapest, and yet the recipe's panels stay.
+    let dull = brushed("'ward', 'ggx:mean', 'phong'").replace("0.4, 0.4, 0.4", "0, 0, 0");
+    desk.write("sheet.toml", &dull);
+    let reduce = "reduce ./sheet.toml -o out --tolerance 0.01 --size 64";
+    desk.works(reduce);
+    let kept = models(&desk, "out/sheet.reduced.toml");
+    assert_eq!(kept, ["ward", "ggx:mean", "phong"]);
+    desk.write("sheet.toml", &brushed("'ward', 'ggx'"));
+    let json = desk.json(&format!("{reduce} --model lambert"));
+    assert_eq!(models(&desk, "out/sheet.reduced.toml"), ["lambert"]);
+    let dropped = json["dropped"].to_string();
+    for model in ["model ward:", "model ggx:"] {
+        assert!(dropped.contains(model), "{dropped}");
+    }
+    let text = desk.works(&format!("{reduce} --model ggx"));
+    assert_eq!(models(&desk, "out/sheet.reduced.toml"), ["ggx"]);
+    assert!(
+        text.contains("model ward: not judged") && !text.contains("model ggx: not"),
+        "{text}"
+    );
+}
+
 #[test]
 fn generate_reduces_on_request() {
     let desk = Desk::new();

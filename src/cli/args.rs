@@ -272,7 +272,8 @@ pub(super) struct ReduceOptions {
     /// A scene of your own, a .toml file with camera, lights and exposure; as often as needed. Example: --scene shot.toml
     #[arg(long, value_name = "FILE")]
     pub(super) scene: Vec<PathBuf>,
-    /// The model that it is seen with. Default: the recipe's first, or ward. Example: --model ggx
+    /// The one model that it is seen with and that the reduced recipe then names. Default: each of the recipe's, or ward.
+    /// Example: --model ggx
     #[arg(long, value_name = "MODEL")]
     pub(super) model: Option<Model>,
     /// Size of the pictures that are compared, in pixels: as large as it will be seen. Default: 384. Example: --size 960x720

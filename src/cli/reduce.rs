@@ -9,7 +9,7 @@ use anisomap::analyse::reduce::{
 use anisomap::export::{beside, write_atomic};
 use anisomap::generate::{looks, make_folder, scene};
 use anisomap::mesh::{self, Mesh};
-use anisomap::preview::Scene;
+use anisomap::preview::{Look, Scene};
 use anisomap::recipe::{Recipe, RecipeFile, read_toml, seen_from};
 use glam::Vec3;
 use std::fmt::Write as _;
@@ -73,12 +73,16 @@ impl Work<'_> {
         let material = self.source.material();
         let settings = self.settings()?;
         let own = self.source.recipe.as_ref().map(|(file, _)| file.recipe());
-        let look = looks(&[], own)?.first().copied().unwrap_or_default();
+        let shown = looks(&[], own)?;
+        let judged = match self.options.model {
+            Some(model) => vec![Look { model, mean: false }],
+            None => shown.clone(),
+        };
         let request = Request {
             map: &self.source.map,
             aspect: self.source.info.aspect,
             material: &material,
-            model: self.options.model.unwrap_or(look.model),
+            looks: &judged,
             settings: &settings,
             metric: self.options.metric,
             tolerance: self.tolerance,
@@ -87,14 +91,21 @@ impl Work<'_> {
         let reduction = console::with_progress("reducing", |p| least(&request, p))?;
         console::check_cancelled()?;
         let mut saved = reduction.write(&stem, &self.recipe, request.aspect)?;
+        let unjudged = if own.is_some() {
+            unjudged(&shown, &judged)
+        } else {
+            Vec::new() // a map shows nothing of its own
+        };
+        let dropped = [reduction.dropped(&request), unjudged].concat();
         let mut json = reduction.to_json(&request, &saved);
+        json["dropped"] = dropped.clone().into();
         json["name"] = self.recipe.name.clone().into();
         let path = beside(&stem, REPORT);
         let written = write_atomic(&path, |f| writeln!(f, "{json:#}"))?;
         saved.files.push(written);
         json["files"] = serde_json::to_value(&saved.files).unwrap_or_default();
         Ok(Reduced {
-            text: self.text(&request, &reduction, &saved),
+            text: self.text(&request, &reduction, &saved, &dropped),
             json,
             recipe: saved.recipe,
         })
@@ -155,7 +166,13 @@ impl Work<'_> {
         Ok(scenes)
     }
 
-    fn text(&self, request: &Request<'_>, reduction: &Reduction, saved: &Saved) -> String {
+    fn text(
+        &self,
+        request: &Request<'_>,
+        reduction: &Reduction,
+        saved: &Saved,
+        dropped: &[String],
+    ) -> String {
         let (t, size) = (request.tolerance, request.size);
         let mut text = format!("{}  {}\n", self.recipe.name, request.map.size());
         let _ = writeln!(
@@ -166,18 +183,17 @@ impl Work<'_> {
         );
         text += &tried(reduction);
         let _ = writeln!(text, "\nkept: {}", reduction.form());
-        let dropped = reduction.dropped(request);
-        for what in &dropped {
+        for what in dropped {
             let _ = writeln!(text, "dropped: {what}");
         }
         if dropped.is_empty() {
             text += "dropped: nothing; less is seen\n";
         }
         text += &saving(reduction, saved);
-        for (setting, error) in request.settings.iter().zip(&reduction.errors) {
+        for (setting, look, error) in reduction.pictures(request) {
             let _ = writeln!(
                 text,
-                "{}, exposure {}: mean {:.5}, 99.9 % {:.5}, largest {:.4}",
+                "{}, {look}, exposure {}: mean {:.5}, 99.9 % {:.5}, largest {:.4}",
                 setting.name(),
                 setting.scene.exposure,
                 error.mean,
@@ -196,6 +212,14 @@ impl Work<'_> {
         }
         text
     }
+}
+
+/// Looks that a recipe shows and that nobody looked at, since others were asked for.
+fn unjudged(shown: &[Look], judged: &[Look]) -> Vec<String> {
+    let others = shown.iter().filter(|look| !judged.contains(look));
+    others
+        .map(|look| format!("the recipe's model {look}: not judged, as --model names another"))
+        .collect()
 }
 
 /// What a recipe asks for that names files outside its folder; nothing where it names none.

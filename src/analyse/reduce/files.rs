@@ -10,6 +10,7 @@ use crate::export::exr::{Precision, write_master};
 use crate::export::{Export, Written, beside, write_atomic};
 use crate::map::Size;
 use crate::pattern::{Constant, Pattern};
+use crate::preview::Look;
 use crate::progress::Progress;
 use crate::recipe::{Adjust, Image, Layer, Recipe, RecipeFile, Source, Stored};
 use std::io::{self, Write};
@@ -98,11 +99,13 @@ impl Reduction {
         }
     }
 
-    /// The recipe's scene; a cheaper model takes the place of the one that was asked for.
+    /// The recipe's scene with what the map was judged with, where that is not what the recipe shows.
     fn scene(&self, recipe: &Recipe) -> crate::recipe::Scene {
         let mut scene = recipe.scene.clone();
-        if self.full_model != self.model {
-            scene.models = vec![self.model.name().to_owned()];
+        let words: Vec<String> = self.looks.iter().map(Look::to_string).collect();
+        let default = [Look::default().to_string()];
+        if words != scene.models && !(scene.models.is_empty() && words == default) {
+            scene.models = words;
         }
         scene
     }

@@ -77,10 +77,10 @@ fn errors(metric: Metric, first: &Picture, second: &Picture) -> Result<Vec<f32>>
 /// The full map's pictures, and the means to draw others beside them.
 pub(super) struct Studio<'a> {
     request: &'a Request<'a>,
-    /// Of each setting: the full map's picture, and where the mesh is.
-    drawn: Vec<(Picture, Vec<bool>)>,
-    /// The full map's reference pictures, drawn when the first is asked for.
-    references: Vec<Picture>,
+    /// Of each setting: the full map's picture with each look, and where the mesh is.
+    drawn: Vec<(Vec<Picture>, Vec<bool>)>,
+    /// The full map's reference pictures of each setting, drawn when the first is asked for.
+    references: Vec<Vec<Picture>>,
     /// Milliseconds of drawing every setting with the full map.
     pub(super) milliseconds: f64,
 }
@@ -96,11 +96,11 @@ impl<'a> Studio<'a> {
             milliseconds: 0.0,
         };
         for setting in request.settings {
-            let picture = studio.draw(setting, request.map, request.model, progress)?;
+            let pictures = studio.draw(setting, request.map, request.looks, progress)?;
             let seen = studio.seen(setting, progress)?;
-            studio.drawn.push((picture, seen));
+            studio.drawn.push((pictures, seen));
         }
-        studio.milliseconds = studio.time(request.map, request.model, progress)?;
+        studio.milliseconds = studio.time(request.map, request.looks, progress)?;
         Ok(studio)
     }
 
@@ -116,14 +116,13 @@ impl<'a> Studio<'a> {
         &self,
         setting: &Setting,
         map: &AnisoMap,
-        model: Model,
+        looks: &[Look],
         progress: &Progress<'_>,
-    ) -> Result<Picture> {
-        let look = Look { model, mean: false };
+    ) -> Result<Vec<Picture>> {
         let subject = self.subject(setting, map);
         let scene = self.scene_of_search(&setting.scene);
         let size = self.request.size;
-        Ok(render(subject, &scene, &[look], size, progress)?.swap_remove(0))
+        render(subject, &scene, looks, size, progress)
     }
 
     /// The scene with as many samples as there may be, and as close to the reference as that allows: levels of a map take part
@@ -144,14 +143,13 @@ impl<'a> Studio<'a> {
         &self,
         setting: &Setting,
         map: &AnisoMap,
-        model: Model,
+        looks: &[Look],
         progress: &Progress<'_>,
-    ) -> Result<Picture> {
-        let look = Look { model, mean: false };
+    ) -> Result<Vec<Picture>> {
         let subject = self.subject(setting, map);
         let (size, samples) = (self.request.size, self.reference_samples());
         let scene = &setting.scene;
-        Ok(render_reference(subject, scene, &[look], size, samples, progress)?.swap_remove(0))
+        render_reference(subject, scene, looks, size, samples, progress)
     }
 
     /// A map of N texels across a picture of n pixels wants N/n samples along a pixel's side; it has fewer where no more can be
@@ -182,7 +180,13 @@ impl<'a> Studio<'a> {
                 scene,
                 ..setting.clone()
             };
-            self.draw(&bare, self.request.map, Model::Lambert, progress)
+            let lambert = Look {
+                model: Model::Lambert,
+                mean: false,
+            };
+            Ok(self
+                .draw(&bare, self.request.map, &[lambert], progress)?
+                .swap_remove(0))
         };
         let (black, white) = (against(0.0)?, against(1.0)?);
         let pairs = black.pixels().iter().zip(white.pixels());
@@ -198,18 +202,21 @@ impl<'a> Studio<'a> {
         .with_hint("Make the picture larger, or turn the camera toward the mesh"))
     }
 
-    /// The error of a map and model in the setting where it is worst, as the search draws them.
+    /// The error of a map and looks in the setting and with the look where it is worst, as the search draws them. One look
+    /// may stand in place of the only one asked for.
     pub(super) fn error(
         &self,
         map: &AnisoMap,
-        model: Model,
+        looks: &[Look],
         progress: &Progress<'_>,
     ) -> Result<PictureError> {
         let mut worst = PictureError::default();
         for (setting, (full, seen)) in self.request.settings.iter().zip(&self.drawn) {
-            let picture = self.draw(setting, map, model, progress)?;
-            let found = PictureError::of(&errors(self.request.metric, full, &picture)?, seen);
-            worst = self.worse(worst, found);
+            let pictures = self.draw(setting, map, looks, progress)?;
+            for (full, picture) in full.iter().zip(&pictures) {
+                let found = PictureError::of(&errors(self.request.metric, full, picture)?, seen);
+                worst = self.worse(worst, found);
+            }
             // One setting that fails is enough.
             if !worst.is_within(self.request.tolerance) {
                 break;
@@ -218,26 +225,29 @@ impl<'a> Studio<'a> {
         Ok(worst)
     }
 
-    /// The error in every setting, as the reference draws them.
+    /// The error in every setting with every look, the looks of the first setting first, as the reference draws them.
     pub(super) fn reference_errors(
         &mut self,
         map: &AnisoMap,
-        model: Model,
+        looks: &[Look],
         progress: &Progress<'_>,
     ) -> Result<Vec<PictureError>> {
         let (request, settings) = (self.request, self.request.settings);
         if self.references.is_empty() {
             self.references = settings
                 .iter()
-                .map(|s| self.draw_reference(s, request.map, request.model, progress))
+                .map(|s| self.draw_reference(s, request.map, request.looks, progress))
                 .collect::<Result<_>>()?;
         }
-        let measured = settings.iter().enumerate().map(|(i, setting)| {
-            let picture = self.draw_reference(setting, map, model, progress)?;
-            let values = errors(request.metric, &self.references[i], &picture)?;
-            Ok(PictureError::of(&values, &self.drawn[i].1))
-        });
-        measured.collect()
+        let mut measured = Vec::new();
+        for (i, setting) in settings.iter().enumerate() {
+            let pictures = self.draw_reference(setting, map, looks, progress)?;
+            for (full, picture) in self.references[i].iter().zip(&pictures) {
+                let values = errors(request.metric, full, picture)?;
+                measured.push(PictureError::of(&values, &self.drawn[i].1));
+            }
+        }
+        Ok(measured)
     }
 
     fn worse(&self, a: PictureError, b: PictureError) -> PictureError {
@@ -253,19 +263,18 @@ impl<'a> Studio<'a> {
     pub(super) fn time(
         &self,
         map: &AnisoMap,
-        model: Model,
+        looks: &[Look],
         progress: &Progress<'_>,
     ) -> Result<f64> {
         let off = Timings::off();
-        let looks = [Look { model, mean: false }];
         let mut sum = 0.0;
         for setting in self.request.settings {
             let prepared = self.subject(setting, map).prepare(&off)?;
-            let mut pictures = [Picture::new(self.request.size, [0.0; 3])];
+            let mut pictures = vec![Picture::new(self.request.size, [0.0; 3]); looks.len()];
             let mut best = f64::INFINITY;
             for _ in 0..TIMED {
                 let started = Instant::now();
-                prepared.draw(&setting.scene, &looks, &mut pictures, &off, progress)?;
+                prepared.draw(&setting.scene, looks, &mut pictures, &off, progress)?;
                 best = best.min(started.elapsed().as_secs_f64());
             }
             sum += 1e3 * best;

@@ -22,7 +22,7 @@ use crate::convention::storage::Storage;
 use crate::error::{Error, Result};
 use crate::map::{AnisoMap, Size};
 use crate::mesh::Mesh;
-use crate::preview::Scene;
+use crate::preview::{Look, Scene};
 use crate::progress::Progress;
 use crate::recipe::Material;
 use form::Kept;
@@ -124,8 +124,8 @@ pub struct Request<'a> {
     pub aspect: f32,
     /// The colours it is seen with.
     pub material: &'a Material,
-    /// The model it is seen with.
-    pub model: Model,
+    /// What it is seen with, one at least: it must look the same with each of them.
+    pub looks: &'a [Look],
     /// Where it must look the same: in each of them, and in one at least.
     pub settings: &'a [Setting],
     /// What errors are measured in.
@@ -145,6 +145,10 @@ impl Request<'_> {
                 self.tolerance,
                 format!("allowed: over 0, to {most} in {}", self.metric),
             ));
+        }
+        if self.looks.is_empty() {
+            let allowed = "allowed: one model or more";
+            return Err(Error::invalid("the models", "an empty list", allowed));
         }
         if self.settings.is_empty() {
             let allowed = "allowed: one mesh and light or more";
@@ -194,9 +198,9 @@ impl Verdict {
 pub struct Trial {
     /// What.
     pub what: String,
-    /// Its model.
-    #[serde(serialize_with = "model_name")]
-    pub model: Model,
+    /// What it is seen with, in the words of `--model`.
+    #[serde(rename = "model", serialize_with = "words_of")]
+    pub looks: Vec<Look>,
     /// Bytes of the map in memory.
     pub bytes: u64,
     /// By how much the closed form lets a lobe change, relative; none where there is no closed form.
@@ -207,16 +211,23 @@ pub struct Trial {
     pub verdict: Verdict,
 }
 
-fn model_name<S: serde::Serializer>(model: &Model, s: S) -> std::result::Result<S::Ok, S::Error> {
-    s.serialize_str(model.name())
+fn words_of<S: serde::Serializer>(looks: &[Look], s: S) -> std::result::Result<S::Ok, S::Error> {
+    s.serialize_str(&words(looks))
+}
+
+/// Looks as `--model` names them.
+fn words(looks: &[Look]) -> String {
+    let words: Vec<String> = looks.iter().map(Look::to_string).collect();
+    words.join(",")
 }
 
 /// The least that looks the same.
 pub struct Reduction {
     kept: Kept,
-    /// The model it is seen with: the one asked for, or a cheaper one.
-    pub model: Model,
-    /// The error in each setting, measured by the reference; a full map's is 0 without being measured.
+    /// What it is seen with: what was asked for, or where that is one model alone, a cheaper one.
+    pub looks: Vec<Look>,
+    /// The error in each setting with each look, the looks of the first setting first, measured by the reference; a full map's is 0
+    /// without being measured.
     pub errors: Vec<PictureError>,
     /// Everything that was tried, in order.
     pub trials: Vec<Trial>,
@@ -228,11 +239,9 @@ pub struct Reduction {
     pub texels_a_pixel: u32,
     /// Bytes of the full map in memory.
     pub full_bytes: u64,
-    /// The model asked for.
-    pub full_model: Model,
-    /// Milliseconds of drawing every setting with the full map and the model asked for.
+    /// Milliseconds of drawing every setting with the full map and the looks asked for.
     pub full_milliseconds: f64,
-    /// The same of the reduced map and its model.
+    /// The same of the reduced map and its looks.
     pub milliseconds: f64,
 }
 
@@ -258,6 +267,7 @@ pub fn least(request: &Request<'_>, progress: &Progress<'_>) -> Result<Reduction
         studio: Studio::new(request, progress)?,
         predictor: Predictor::new(request.map, request.material, request.size)?,
         request,
+        reads_texels: (request.looks.iter()).any(|l| !l.mean && l.model != Model::Lambert),
         progress,
         trials: Vec::new(),
         known: Vec::new(),
@@ -273,6 +283,8 @@ struct Search<'a> {
     request: &'a Request<'a>,
     studio: Studio<'a>,
     predictor: Predictor,
+    /// Whether a look reads the map texel by texel, which is what the closed forms speak of.
+    reads_texels: bool,
     progress: &'a Progress<'a>,
     trials: Vec<Trial>,
     /// Forms that were tried, and what share of the tolerance those that look the same take.
@@ -325,24 +337,24 @@ impl Search<'_> {
         let form = Form::full(Shape::Grid(self.request.map.size()));
         let kept = self.kept(form)?;
         self.log(form, Some(0.0), None, Verdict::Taken);
-        let errors = vec![PictureError::default(); self.request.settings.len()];
-        self.end(kept, self.request.model, errors)
+        let pictures = self.request.settings.len() * self.request.looks.len();
+        let errors = vec![PictureError::default(); pictures];
+        self.end(kept, self.request.looks, errors)
     }
 
-    fn end(&mut self, kept: Kept, model: Model, errors: Vec<PictureError>) -> Result<Reduction> {
+    fn end(&mut self, kept: Kept, looks: &[Look], errors: Vec<PictureError>) -> Result<Reduction> {
         let full = Form::full(Shape::Grid(self.request.map.size()));
-        let measured = kept.form != full || model != self.request.model;
+        let measured = kept.form != full || looks != self.request.looks;
         Ok(Reduction {
-            milliseconds: self.studio.time(&kept.map, model, self.progress)?,
+            milliseconds: self.studio.time(&kept.map, looks, self.progress)?,
             kept,
-            model,
+            looks: looks.to_vec(),
             errors,
             trials: std::mem::take(&mut self.trials),
             k_max: self.predictor.k_max(),
             reference_samples: measured.then(|| self.studio.reference_samples()),
             texels_a_pixel: self.studio.texels_a_pixel(),
             full_bytes: full.bytes(),
-            full_model: self.request.model,
             full_milliseconds: self.studio.milliseconds,
         })
     }
@@ -356,7 +368,7 @@ impl Search<'_> {
     ) {
         self.trials.push(Trial {
             what: form.to_string(),
-            model: self.request.model,
+            looks: self.request.looks.to_vec(),
             bytes: form.bytes(),
             predicted,
             error,
@@ -370,7 +382,7 @@ impl Search<'_> {
         Kept::new(&base, form, aspect, (map.size(), map.wrap()))
     }
 
-    /// Draws a form with the model asked for; gives it back with its share of the tolerance if it looks the same.
+    /// Draws a form with the looks asked for; gives it back with its share of the tolerance if it looks the same.
     fn tried(&mut self, form: Form) -> Result<Option<(Kept, f64)>> {
         if let Some(&(_, share)) = self.known.iter().find(|(known, _)| *known == form) {
             return share.map(|s| Ok((self.kept(form)?, s))).transpose();
@@ -385,12 +397,12 @@ impl Search<'_> {
         let kept = self.kept(form)?;
         let predicted = self.predictor.of_map(&kept.map)?;
         let request = self.request;
-        if is_hopeless(request.metric, predicted, request.tolerance) {
+        if self.reads_texels && is_hopeless(request.metric, predicted, request.tolerance) {
             self.log(kept.form, Some(predicted), None, Verdict::Hopeless);
             self.progress.step()?;
             return Ok(None);
         }
-        let error = self.studio.error(&kept.map, request.model, self.progress)?;
+        let error = self.studio.error(&kept.map, request.looks, self.progress)?;
         let same = error.is_within(request.tolerance);
         let verdict = if same { Verdict::Same } else { Verdict::Seen };
         self.log(kept.form, Some(predicted), Some(error), verdict);
@@ -417,12 +429,12 @@ impl Search<'_> {
 
     /// Tries cheaper models on what looks the same, and has the reference confirm it; without the cheaper model if need be.
     fn confirmed(&mut self, kept: Kept) -> Result<Option<Reduction>> {
-        let own = self.request.model;
-        let cheap = self.cheaper_model(&kept)?;
-        for model in cheap.into_iter().chain([own]) {
+        let own = self.request.looks;
+        let cheap = self.cheaper_look(&kept)?.map(|look| [look]);
+        for looks in cheap.iter().map(<[Look; 1]>::as_slice).chain([own]) {
             let errors = self
                 .studio
-                .reference_errors(&kept.map, model, self.progress)?;
+                .reference_errors(&kept.map, looks, self.progress)?;
             let tolerance = self.request.tolerance;
             let within = errors.iter().all(|e| e.is_within(tolerance));
             let worst = errors
@@ -431,7 +443,7 @@ impl Search<'_> {
                 .max_by(|a, b| a.share(tolerance).total_cmp(&b.share(tolerance)));
             self.trials.push(Trial {
                 what: format!("{}, by the reference", kept.form),
-                model,
+                looks: looks.to_vec(),
                 bytes: kept.form.bytes(),
                 predicted: None,
                 error: worst,
@@ -442,47 +454,53 @@ impl Search<'_> {
                 },
             });
             if within {
-                return self.end(kept, model, errors).map(Some);
+                return self.end(kept, looks, errors).map(Some);
             }
         }
         Ok(None)
     }
 
-    /// The cheapest model with which a reduced map looks like the full one with the model asked for.
-    fn cheaper_model(&mut self, kept: &Kept) -> Result<Option<Model>> {
+    /// The cheapest model with which a reduced map looks like the full one with the only look asked for.
+    fn cheaper_look(&mut self, kept: &Kept) -> Result<Option<Look>> {
         let request = self.request;
+        let own = request.looks[0];
         for model in self.models.clone() {
-            let error = self.studio.error(&kept.map, model, self.progress)?;
+            let look = Look { model, ..own };
+            let error = self.studio.error(&kept.map, &[look], self.progress)?;
             let same = error.is_within(request.tolerance);
             self.trials.push(Trial {
-                what: format!("model {model} on {}", kept.form),
-                model,
+                what: format!("model {look} on {}", kept.form),
+                looks: vec![look],
                 bytes: kept.form.bytes(),
-                predicted: self.predictor.of_model(request.model, model),
+                predicted: self.predictor.of_model(own.model, model),
                 error: Some(error),
                 verdict: if same { Verdict::Same } else { Verdict::Seen },
             });
             if same {
-                return Ok(Some(model));
+                return Ok(Some(look));
             }
         }
         Ok(None)
     }
 
-    /// The cheaper models that are not out of the question by their closed form; those that are, are told once.
+    /// The cheaper models that are not out of the question by their closed form; those that are, are told once. None where there
+    /// are several looks: they are there to be told apart.
     fn possible_models(&mut self) -> Vec<Model> {
         let request = self.request;
+        let &[own] = request.looks else {
+            return Vec::new();
+        };
         let full = Form::full(Shape::Grid(request.map.size()));
         let mut possible = Vec::new();
-        for &model in cheaper(request.model) {
-            let predicted = self.predictor.of_model(request.model, model);
+        for &model in cheaper(own.model) {
+            let predicted = self.predictor.of_model(own.model, model);
             if !predicted.is_some_and(|p| is_hopeless(request.metric, p, request.tolerance)) {
                 possible.push(model);
                 continue;
             }
             self.trials.push(Trial {
                 what: format!("model {model}"),
-                model,
+                looks: vec![Look { model, ..own }],
                 bytes: full.bytes(),
                 predicted,
                 error: None,
@@ -775,7 +793,7 @@ mod tests {
                 map: &map,
                 aspect: 1.0,
                 material: &material,
-                model: Model::Ward,
+                looks: &[Look::default()],
                 settings,
                 metric: Metric::Flip,
                 tolerance,
@@ -806,7 +824,7 @@ mod tests {
             map: &map,
             aspect: 1.0,
             material: &Material::default(),
-            model: Model::Ward,
+            looks: &[Look::default()],
             settings: &[Setting {
                 mesh_name: "sphere".to_owned(),
                 light_name: "studio".to_owned(),

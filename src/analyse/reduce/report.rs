@@ -1,7 +1,8 @@
 //! What a reduction says of itself: nothing is dropped silently.
 
-use super::{Axes, Reduction, Request, Saved, Shape, Widths};
+use super::{Axes, PictureError, Reduction, Request, Saved, Setting, Shape, Widths, words};
 use crate::convention::storage::Storage;
+use crate::preview::Look;
 use serde_json::{Value, json};
 
 impl Reduction {
@@ -72,19 +73,34 @@ impl Reduction {
     }
 
     fn dropped_model(&self, request: &Request<'_>) -> Vec<String> {
-        let same = self.model == request.model;
-        let text = format!("the model: {} in place of {}", self.model, request.model);
-        if same { Vec::new() } else { vec![text] }
+        let pairs = request.looks.iter().zip(&self.looks);
+        let changed = pairs.filter(|(asked, kept)| asked != kept);
+        changed
+            .map(|(asked, kept)| format!("the model: {kept} in place of {asked}"))
+            .collect()
+    }
+
+    /// Each setting with each look, and its error.
+    pub fn pictures<'a>(
+        &'a self,
+        request: &'a Request<'_>,
+    ) -> impl Iterator<Item = (&'a Setting, Look, PictureError)> {
+        let with_looks = |setting| self.looks.iter().map(move |look| (setting, *look));
+        let shown = request.settings.iter().flat_map(with_looks);
+        shown
+            .zip(&self.errors)
+            .map(|((setting, look), error)| (setting, look, *error))
     }
 
     /// Everything as JSON, whose keys stay as they are from version to version.
     pub fn to_json(&self, request: &Request<'_>, saved: &Saved) -> Value {
         let form = self.form();
         let full = request.map.size();
-        let settings = request.settings.iter().zip(&self.errors);
-        let scenes: Vec<Value> = settings
-            .map(|(setting, error)| {
+        let scenes: Vec<Value> = self
+            .pictures(request)
+            .map(|(setting, look, error)| {
                 json!({
+                    "model": look.to_string(),
                     "mesh": setting.mesh_name,
                     "light": setting.light_name,
                     "exposure": setting.scene.exposure,
@@ -101,7 +117,7 @@ impl Reduction {
             "scenes": scenes,
             "full": {
                 "size": [full.width(), full.height()],
-                "model": request.model.name(),
+                "model": words(request.looks),
                 "bytes": self.full_bytes,
                 "milliseconds": self.full_milliseconds,
             },
@@ -114,7 +130,7 @@ impl Reduction {
                     Shape::Constant(_) => Value::Null,
                     _ => json!(form.storage.to_string()),
                 },
-                "model": self.model.name(),
+                "model": words(&self.looks),
                 "bytes": form.bytes(),
                 "bytes_per_texel": form.bytes_per_texel(),
                 "file_bytes": saved.map_bytes,
