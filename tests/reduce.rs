@@ -445,6 +445,20 @@ fn no_model_of_several_is_lost_and_the_one_asked_for_is_written() {
 }
 
 #[test]
+fn tolerances_are_told_as_they_are_typed() {
+    let desk = Desk::new();
+    desk.write("flat.toml", FLAT);
+    for (typed, thrice) in [("0.03", "0.09"), ("0.0001", "0.0003"), ("0.7", "2.1")] {
+        let reduce = format!("reduce ./flat.toml -o out --tolerance {typed} --size 32");
+        let text = desk.works(&reduce);
+        let told = format!("at most {typed} on average and {thrice} in 99.9 %");
+        assert!(text.contains(&told), "{text}");
+        let json = desk.json(&reduce)["tolerance"].to_string();
+        assert_eq!(json, format!("{{\"mean\":{typed},\"p999\":{thrice}}}"));
+    }
+}
+
+#[test]
 fn generate_reduces_on_request() {
     let desk = Desk::new();
     desk.write("flat.toml", FLAT);

@@ -179,7 +179,7 @@ impl Work<'_> {
             text,
             "the same is: {} at most {t} on average and {} in 99.9 % of the pixels, at {size}\n",
             request.metric,
-            3.0 * t
+            request.tolerance_of_p999()
         );
         text += &tried(reduction);
         let _ = writeln!(text, "\nkept: {}", reduction.form());

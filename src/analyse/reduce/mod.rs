@@ -137,6 +137,12 @@ pub struct Request<'a> {
 }
 
 impl Request<'_> {
+    /// What 99.9 % of the pixels may have: three times the tolerance, as the decimal number that it is.
+    pub fn tolerance_of_p999(&self) -> f64 {
+        let thrice = 3.0 * f64::from(self.tolerance);
+        format!("{thrice:.5e}").parse().unwrap_or(thrice)
+    }
+
     fn check(&self) -> Result<()> {
         let most = self.metric.most();
         if !(self.tolerance > 0.0 && self.tolerance <= most) {

@@ -110,7 +110,7 @@ impl Reduction {
             .collect();
         json!({
             "metric": request.metric,
-            "tolerance": { "mean": plain(request.tolerance), "p999": 3.0 * plain(request.tolerance) },
+            "tolerance": { "mean": plain(request.tolerance), "p999": request.tolerance_of_p999() },
             "picture": [request.size.width(), request.size.height()],
             "reference_samples": self.reference_samples,
             "k_max": plain(self.k_max),
