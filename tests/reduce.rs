@@ -459,6 +459,25 @@ fn tolerances_are_told_as_they_are_typed() {
 }
 
 #[test]
+fn what_is_taken_stays_clear_of_the_tolerance() {
+    let desk = Desk::new();
+    desk.write("sheet.toml", &brushed("'ward'"));
+    let reduce = |tolerance: f64| {
+        let json = desk.json(&format!(
+            "reduce ./sheet.toml -o out --tolerance {tolerance} --size 64"
+        ));
+        let error = &json["scenes"][0]["error"];
+        number(&error["mean"]).max(number(&error["p999"]) / 3.0)
+    };
+    let taken = reduce(0.02);
+    assert!(taken > 0.0);
+    // A tolerance that the same form would just keep.
+    let close = 1.05 * taken;
+    let error = reduce(close);
+    assert!(error <= 0.851 * close, "{error} of {close}");
+}
+
+#[test]
 fn generate_reduces_on_request() {
     let desk = Desk::new();
     desk.write("flat.toml", FLAT);

@@ -218,7 +218,7 @@ impl<'a> Studio<'a> {
                 worst = self.worse(worst, found);
             }
             // One setting that fails is enough.
-            if !worst.is_within(self.request.tolerance) {
+            if !worst.is_within(self.request.limit()) {
                 break;
             }
         }
@@ -251,7 +251,7 @@ impl<'a> Studio<'a> {
     }
 
     fn worse(&self, a: PictureError, b: PictureError) -> PictureError {
-        let tolerance = self.request.tolerance;
+        let tolerance = self.request.limit();
         if b.share(tolerance) >= a.share(tolerance) {
             b
         } else {
