@@ -263,7 +263,7 @@ impl Axis {
             .fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (0.1, 1.0) };
         // Marks at the ends, and what is written beside them, stay off the frame.
-        let spare = (high / low).powf(0.08).max(1.08);
+        let spare = (high / low).powf(0.08).clamp(1.08, 2.0);
         let (low, high) = (step_below(low / spare), step_above(high * spare));
         Self {
             title: title.to_owned(),
