@@ -478,6 +478,35 @@ fn what_is_taken_stays_clear_of_the_tolerance() {
 }
 
 #[test]
+fn generated_files_are_as_fine_as_the_tolerance_wants() {
+    let desk = Desk::new();
+    let generate = "generate twill -o out --size 32 --formats exr,png8,glb,preview --reduce";
+    let exact = desk.run_with("2", &format!("{generate} 1e-7"));
+    assert_eq!(exact.code, 0, "{}", exact.err);
+    for note in [
+        "exr has 32-bit floats",
+        "png8 is coarser than",
+        "glb is coarser than",
+    ] {
+        assert!(exact.err.contains(note), "{note}: {}", exact.err);
+    }
+    assert!(!exact.err.contains("preview"), "{}", exact.err);
+    // The master holds the reduced map to the bit.
+    desk.write(
+        "master.toml",
+        "version = 1\nsize = 32\n[[layers]]\n[layers.image]\nfile = 'out/twill.exr'\n",
+    );
+    assert!(desk.map("out/twill.reduced.toml") == desk.map("master.toml"));
+    let loose = desk.run_with("2", &format!("{generate} 0.5"));
+    assert_eq!(
+        (loose.code, loose.err.contains("note:")),
+        (0, false),
+        "{}",
+        loose.err
+    );
+}
+
+#[test]
 fn generate_reduces_on_request() {
     let desk = Desk::new();
     desk.write("flat.toml", FLAT);

@@ -133,7 +133,7 @@ pub(super) struct GenerateArgs {
     #[arg(long, value_name = "MESH")]
     pub(super) mesh: Option<String>,
     /// Reduce the map first to the least that looks the same on the mesh, with a mean FLIP error of at most T, and write that:
-    /// what `reduce` does. Example: --reduce 0.01
+    /// what `reduce` does. EXR files have floats where halves would be seen. Example: --reduce 0.01
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_tolerance)]
     pub(super) reduce: Option<f32>,
     /// JSON for scripts in place of the table: {name, size, seed, files, round_trip,
@@ -249,7 +249,7 @@ pub(super) struct ReduceArgs {
     #[command(flatten)]
     pub(super) recipe_args: RecipeArgs,
     /// JSON for scripts in place of the table: {name, metric, tolerance, picture, reference_samples, k_max, scenes, full,
-    /// reduced, dropped, recipe, files, tried}. Example: --json
+    /// reduced, seen_in, dropped, recipe, files, tried}. Example: --json
     #[arg(long)]
     pub(super) json: bool,
 }

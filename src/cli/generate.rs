@@ -3,6 +3,7 @@
 use super::args::{GenerateArgs, ReduceOptions};
 use super::reduce::{Reduced, Work, meshes, recipe_in};
 use super::{Outcome, Result, console, input};
+use anisomap::convention::storage::Depth;
 use anisomap::export::beside;
 use anisomap::export::exr::Precision;
 use anisomap::generate::{Job, MARK, Made, formats, make_folder, yours_lies_there};
@@ -25,12 +26,13 @@ pub(super) fn run(args: GenerateArgs) -> Result {
             (RecipeFile::read(&done.reduced.recipe)?, Some(done))
         }
     };
+    let seen_in = (reduced.as_ref()).map_or(Vec::new(), |done| done.reduced.seen_in.clone());
     let job = Job {
         stem: file.recipe().name.clone(),
         formats: formats(&args.formats, file.recipe(), &Target::DEFAULT),
         readme: true,
         copies: false,
-        precision: if args.float {
+        precision: if args.float || seen_in.contains(&Depth::F16) {
             Precision::Float
         } else {
             Precision::Half
@@ -46,6 +48,9 @@ pub(super) fn run(args: GenerateArgs) -> Result {
         made.mended = made.mended.plus(done.mended);
     }
     if let Some(note) = input::mended_note(made.mended) {
+        console::complain(&note);
+    }
+    for note in coarse(&job.formats, &seen_in) {
         console::complain(&note);
     }
     if args.json {
@@ -105,6 +110,32 @@ fn reduced(args: &GenerateArgs, tolerance: f32) -> Result<Done> {
         mended: source.mended,
         ignored: own.map_or(Vec::new(), |(file, _)| file.ignored().to_vec()),
     })
+}
+
+/// What is to be said of formats whose bits are too few for the tolerance. EXR files have floats then.
+fn coarse(formats: &[Target], seen_in: &[Depth]) -> Vec<String> {
+    let depth = |format: &Target| match format {
+        Target::Png8 | Target::Glb | Target::Gltf => Some(Depth::U8),
+        Target::Png16 => Some(Depth::U16),
+        Target::Exr | Target::RgbExr => Some(Depth::F16),
+        Target::Preview => None,
+    };
+    let too_few = |format: &&Target| depth(format).is_some_and(|d| seen_in.contains(&d));
+    let coarse = formats.iter().filter(too_few);
+    coarse
+        .map(|format| match depth(format) {
+            Some(Depth::F16) => {
+                format!(
+                    "note: halves would be seen, so {} has 32-bit floats",
+                    format.name()
+                )
+            }
+            _ => format!(
+                "note: {} is coarser than the tolerance allows",
+                format.name()
+            ),
+        })
+        .collect()
 }
 
 fn report(made: &Made, job: &Job) -> String {

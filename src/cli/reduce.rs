@@ -6,6 +6,7 @@ use anisomap::Error;
 use anisomap::analyse::reduce::{
     REPORT, Reduction, Request, Saved, Setting, Shape, Verdict, check_output, least,
 };
+use anisomap::convention::storage::Depth;
 use anisomap::export::{beside, write_atomic};
 use anisomap::generate::{looks, make_folder, scene};
 use anisomap::mesh::{self, Mesh};
@@ -61,6 +62,8 @@ pub(super) struct Work<'a> {
 pub(super) struct Reduced {
     pub(super) text: String,
     pub(super) json: serde_json::Value,
+    /// The depths of files that are coarser than the tolerance allows.
+    pub(super) seen_in: Vec<Depth>,
     /// The recipe that stands for the reduced map.
     pub(super) recipe: PathBuf,
 }
@@ -107,6 +110,7 @@ impl Work<'_> {
         Ok(Reduced {
             text: self.text(&request, &reduction, &saved, &dropped),
             json,
+            seen_in: reduction.seen_in,
             recipe: saved.recipe,
         })
     }

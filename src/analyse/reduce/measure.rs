@@ -218,7 +218,7 @@ impl<'a> Studio<'a> {
                 worst = self.worse(worst, found);
             }
             // One setting that fails is enough.
-            if !worst.is_within(self.request.limit()) {
+            if !worst.is_within(self.request.tolerance) {
                 break;
             }
         }

@@ -18,7 +18,7 @@ pub use measure::PictureError;
 
 use super::field::{Pole, Poles, walk};
 use crate::brdf::Model;
-use crate::convention::storage::Storage;
+use crate::convention::storage::{Depth, Storage, WidthEncoding};
 use crate::error::{Error, Result};
 use crate::map::{AnisoMap, Size};
 use crate::mesh::Mesh;
@@ -251,6 +251,9 @@ pub struct Reduction {
     pub k_max: f32,
     /// Samples along a pixel's side of the reference; none where the full map is kept to the bit and nothing was measured.
     pub reference_samples: Option<u32>,
+    /// The depths of exported files, one of [`Depth::U8`], [`Depth::U16`] and [`Depth::F16`] each, in which the reduced map would be
+    /// seen to differ from the full one: those formats are coarser than the tolerance allows.
+    pub seen_in: Vec<Depth>,
     /// Texels along a pixel's side where one turn of the full map fills the picture: the samples that the reference wants.
     pub texels_a_pixel: u32,
     /// Bytes of the full map in memory.
@@ -291,6 +294,13 @@ pub fn least(request: &Request<'_>, progress: &Progress<'_>) -> Result<Reduction
     };
     search.run()
 }
+
+/// How files hold widths: those of 8 bits their roots, as both glTF and the PNG set do.
+const EXPORTED: [(Depth, WidthEncoding); 3] = [
+    (Depth::U8, WidthEncoding::Sqrt),
+    (Depth::U16, WidthEncoding::Linear),
+    (Depth::F16, WidthEncoding::Linear),
+];
 
 /// A part that passed alone, with its share of the tolerance.
 type Passed<T> = Vec<(T, f64)>;
@@ -362,6 +372,7 @@ impl Search<'_> {
         let full = Form::full(Shape::Grid(self.request.map.size()));
         let measured = kept.form != full || looks != self.request.looks;
         Ok(Reduction {
+            seen_in: self.seen_in(&kept.map, looks)?,
             milliseconds: self.studio.time(&kept.map, looks, self.progress)?,
             kept,
             looks: looks.to_vec(),
@@ -373,6 +384,24 @@ impl Search<'_> {
             full_bytes: full.bytes(),
             full_milliseconds: self.studio.milliseconds,
         })
+    }
+
+    /// The depths of files in which a map would be seen to differ.
+    fn seen_in(&self, map: &AnisoMap, looks: &[Look]) -> Result<Vec<Depth>> {
+        let (metric, tolerance) = (self.request.metric, self.request.tolerance);
+        let mut seen = Vec::new();
+        for (depth, encoding) in EXPORTED {
+            let stored = Storage::new(depth, encoding).pack(map);
+            let stored = stored.unpack(map.size(), map.wrap())?;
+            if stored == *map || is_clear(metric, self.predictor.of_map(&stored)?, tolerance) {
+                continue;
+            }
+            let error = self.studio.error(&stored, looks, self.progress)?;
+            if !error.is_within(tolerance) {
+                seen.push(depth);
+            }
+        }
+        Ok(seen)
     }
 
     fn log(

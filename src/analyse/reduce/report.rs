@@ -136,6 +136,7 @@ impl Reduction {
                 "file_bytes": saved.map_bytes,
                 "milliseconds": self.milliseconds,
             },
+            "seen_in": self.seen_in,
             "dropped": self.dropped(request),
             "recipe": saved.recipe,
             "files": saved.files,
