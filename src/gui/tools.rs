@@ -99,13 +99,12 @@ fn of_mask(ui: &mut Ui, desk: &mut Desk) {
     let now = usize::from(erases != inverted);
     ui.label("Mask");
     let row = vec2(110.0, super::theme::ROW);
-    let chosen = ui.allocate_ui(row, |ui| {
-        choices(ui, ("Mask", MASK_TIP), &["Show", "Hide"], now)
-    });
     let swap = desk.keymap.keys_text(Action::SwapAlphas);
-    chosen.response.on_hover_text(format!(
+    let tip = format!(
         "Every brush shows the layer where it paints, and the eraser hides it; {swap} changes between them, and Ctrl does the opposite while it is held.",
-    ));
+    );
+    let words = ["Show", "Hide"];
+    let chosen = ui.allocate_ui(row, |ui| choices(ui, ("Mask", &tip), &words, now));
     if let Some(hide) = chosen.inner {
         let erase = (hide == 1) != inverted;
         desk.ask(if erase {
@@ -502,6 +501,3 @@ pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
             .on_hover_text("Where the mirrors stand and what copies go around, in UV. On the mesh that is its own middle.");
     }
 }
-
-const MASK_TIP: &str =
-    "Whether strokes on the mask show the layer or hide it. X exchanges the two.";

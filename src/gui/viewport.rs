@@ -5,7 +5,8 @@ use super::icons::Icon;
 use super::pane::{Pen, pen, pressure, put, ring, strip};
 use super::properties::sentence;
 use super::theme::Palette;
-use super::widgets::{Bar, icon_button, overlay_text};
+use super::tools::tips;
+use super::widgets::{Bar, choices, icon_button, overlay_text};
 use anisomap::brdf::Model;
 use anisomap::map::{Rect as Pixels, Size};
 use anisomap::paint::path::{PulledString, Steady, snap_angle};
@@ -168,7 +169,12 @@ impl ViewportPane {
                         if !has_model {
                             chosen = look_menu(ui, "Model", chosen, &mut self.other, true);
                         }
-                        let modes = super::widgets::choices(ui, ("Show", "One model, two side by side (Y), or where they differ (Shift+Y)."), &MODES, mode_of(chosen));
+                        let tip = tips(
+                            desk,
+                            "One model, two side by side, or where they differ.",
+                            &[Action::Compare, Action::Difference],
+                        );
+                        let modes = choices(ui, ("Show", &tip), &MODES, mode_of(chosen));
                         if let Some(mode) = modes {
                             chosen = as_mode(mode, chosen.looks()[0], self.other);
                         }
