@@ -21,6 +21,8 @@ use std::path::{Path, PathBuf};
 pub(super) const MAX_JSON_BYTES: usize = 1 << 28;
 /// Most JSON objects: each of `{},` becomes a struct of about 200 bytes.
 const MAX_JSON_OBJECTS: usize = 1_000_000;
+/// Most primitives that nodes place, each counted as often as it is placed: few bytes of JSON could ask for a million millions.
+const MAX_PARTS: usize = 1_000_000;
 
 /// What to do about a mesh without texture coordinates.
 pub(super) const NO_UVS_HINT: &str = "Unwrap it in a modelling program and export it with its texture coordinates, or have them made from six sides: name it with `#box` after it, as in `statue.glb#box`";
@@ -377,6 +379,14 @@ fn placements(document: &Document) -> Result<Vec<(usize, Mat4)>, String> {
             found.push((mesh, place));
         }
         open.extend(node.children.iter().rev().map(|c| (*c, place)));
+    }
+    let parts =
+        |(mesh, _): &(usize, Mat4)| document.meshes.get(*mesh).map_or(0, |m| m.primitives.len());
+    let parts = found.iter().map(parts).fold(0, usize::saturating_add);
+    if parts > MAX_PARTS {
+        return Err(format!(
+            "its scene places {parts} parts of meshes; allowed: {MAX_PARTS}"
+        ));
     }
     Ok(found)
 }

@@ -333,6 +333,13 @@ fn what_is_wrong_is_said() {
     assert!(text.contains("KHR_draco_mesh_compression"), "{text}");
     let text = refusal(|d| d["meshes"][0]["primitives"][0]["mode"] = json!(9));
     assert!(text.contains("mode 9"), "{text}");
+    let text = refusal(|d| {
+        let primitive = d["meshes"][0]["primitives"][0].clone();
+        d["meshes"][0]["primitives"] = json!(vec![primitive; 1001]);
+        d["nodes"] = json!(vec![json!({"mesh": 0}); 1000]);
+        d["scenes"][0]["nodes"] = json!((0..1000).collect::<Vec<_>>());
+    });
+    assert!(text.contains("1001000 parts"), "{text}");
     let text = refusal(|d| d["meshes"][0]["primitives"][0]["mode"] = json!(1));
     assert!(text.contains("no triangles"), "{text}");
 }
