@@ -31,9 +31,11 @@ pub use tree::{Body, Met};
 
 use crate::error::{Error, Result, nearest_word, open_filled};
 use glam::{Vec2, Vec3, Vec4};
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
 
 /// The built-in shapes, as `--mesh` names them.
 pub const BUILTIN_NAMES: [&str; 6] = ["torus", "pot", "sphere", "plane", "cylinder", "disc"];
@@ -301,12 +303,47 @@ pub fn companions(path: &Path) -> Result<Vec<PathBuf>> {
     }
 }
 
-/// Where exporters put the buffers of a `.gltf`: the file of the same name that ends in `.bin`. `None` for other files. Told by
-/// the name alone, so that it may be asked as often as one likes; [`companions`] reads what the file itself says.
-pub fn buffers_beside(path: &Path) -> Option<PathBuf> {
-    let is_gltf = path.extension()?.eq_ignore_ascii_case("gltf");
-    is_gltf.then(|| path.with_extension("bin"))
+/// When a `.gltf` was last written, its length, and its buffers.
+type Told = (SystemTime, u64, Vec<PathBuf>);
+
+/// What was read of the `.gltf` files that were asked about last.
+static TOLD: Mutex<BTreeMap<PathBuf, Told>> = Mutex::new(BTreeMap::new());
+
+/// Where the buffers of a `.gltf` lie, whether they are there or not; none of other files. The file is read again only where it
+/// has changed, so that it may be asked as often as one likes; while it is not there or damaged, what it said last holds, or else
+/// the name that exporters give: its own with `.bin` for an end.
+pub fn buffers_of(path: &Path) -> Vec<PathBuf> {
+    if !path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("gltf"))
+    {
+        return Vec::new();
+    }
+    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    let about = std::fs::metadata(path).ok();
+    let now = about.and_then(|about| Some((about.modified().ok()?, about.len())));
+    if let Some((time, length, buffers)) = told.get(path)
+        && now.is_none_or(|now| now == (*time, *length))
+    {
+        return buffers.clone();
+    }
+    let (Some((time, length)), Ok(named)) = (now, companions(path)) else {
+        return match told.get(path) {
+            Some((.., buffers)) => buffers.clone(),
+            None => vec![path.with_extension("bin")],
+        };
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let buffers: Vec<PathBuf> = named.iter().map(|name| folder.join(name)).collect();
+    if told.len() >= TOLD_MAX {
+        told.clear();
+    }
+    told.insert(path.to_owned(), (time, length, buffers.clone()));
+    buffers
 }
+
+/// How many files are remembered.
+const TOLD_MAX: usize = 64;
 
 /// A kind of file.
 enum Format {

@@ -72,12 +72,13 @@ impl Files {
         !self.allow_outside && (leaves_folder(name) || leads_out().unwrap_or(false))
     }
 
-    /// By what a file that the recipe names is known to be as it was, a `.gltf` with its buffers ([`mesh::buffers_beside`]); `None`
+    /// By what a file that the recipe names is known to be as it was, a `.gltf` with its buffers ([`mesh::buffers_of`]); `None`
     /// when it is not there, or may not be named.
     pub fn stamp(&self, name: &str) -> Option<Stamp> {
         let path = self.resolve("file", name).ok()?;
-        let buffers = mesh::buffers_beside(&path).and_then(|path| Stamp::of(&path));
-        Stamp::of(&path).map(|stamp| stamp.with(buffers))
+        let buffers = mesh::buffers_of(&path);
+        let stamps = buffers.iter().filter_map(|path| Stamp::of(path));
+        Some(stamps.fold(Stamp::of(&path)?, Stamp::with))
     }
 
     /// The same of the file that a word for a mesh means; `None` for a built-in one, too.

@@ -11,7 +11,7 @@ pub struct Stamp {
     /// Nanoseconds since 1970, negative before.
     nanoseconds: i64,
     bytes: u64,
-    /// The same of a file that belongs to it.
+    /// The same of the files that belong to it, as one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     beside: Option<(i64, u64)>,
 }
@@ -22,10 +22,15 @@ impl Stamp {
         Self::told(&std::fs::metadata(path).ok()?)
     }
 
-    /// That of a file with one that belongs to it.
-    pub(super) fn with(self, other: Option<Self>) -> Self {
+    /// That of a file with one more that belongs to it.
+    pub(super) fn with(self, other: Self) -> Self {
+        let (nanoseconds, bytes) = self.beside.unwrap_or_default();
+        let mixed = nanoseconds.wrapping_mul(31);
         Self {
-            beside: other.map(|other| (other.nanoseconds, other.bytes)),
+            beside: Some((
+                mixed.wrapping_add(other.nanoseconds),
+                bytes.wrapping_add(other.bytes),
+            )),
             ..self
         }
     }

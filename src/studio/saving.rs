@@ -112,8 +112,7 @@ impl Studio {
         let allowed = names.filter(|name| !files.is_outside(name));
         let mut paths: Vec<PathBuf> = allowed.map(|name| folder.join(name)).collect();
         // Whether they are there or not: they may yet be laid there.
-        let buffers = paths.iter().filter_map(|path| mesh::buffers_beside(path));
-        let buffers: Vec<PathBuf> = buffers.collect();
+        let buffers: Vec<PathBuf> = paths.iter().flat_map(|p| mesh::buffers_of(p)).collect();
         paths.extend(buffers);
         paths.sort_unstable();
         paths.dedup();

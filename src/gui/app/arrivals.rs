@@ -235,7 +235,7 @@ impl App {
             let watched = self.desk.studio.files_to_watch();
             let buffers: Vec<PathBuf> = watched
                 .iter()
-                .filter_map(|path| mesh::buffers_beside(path))
+                .flat_map(|path| mesh::buffers_of(path))
                 .collect();
             let mut named = watched.iter().filter(|path| !buffers.contains(path));
             if named.all(|path| path.exists()) {

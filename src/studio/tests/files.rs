@@ -197,6 +197,22 @@ fn buffers_of_a_mesh_that_are_written_anew_are_read_anew() {
         studio.files_to_watch().contains(&buffers),
         "it may come back"
     );
+    // Under another name, which only the file itself tells.
+    let other = folder.path().join("numbers.dat");
+    let named = TRIANGLE.replace("part.bin", "numbers.dat");
+    std::fs::write(folder.path().join("part.gltf"), named).unwrap();
+    write(3.0);
+    std::fs::rename(&buffers, &other).unwrap();
+    studio.read_files_again();
+    studio.settle();
+    let watched = studio.files_to_watch();
+    assert!(watched.contains(&other) && !watched.contains(&buffers));
+    std::thread::sleep(Duration::from_millis(30));
+    write(4.0);
+    std::fs::rename(&buffers, &other).unwrap();
+    studio.read_files_again();
+    studio.settle();
+    assert_eq!(width(&studio), 4.0 * before);
 }
 
 #[test]
