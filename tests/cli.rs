@@ -1038,6 +1038,49 @@ fn a_reader_that_goes_away_is_no_error() {
     );
 }
 
+/// No file may have more than 20 blocks, as on a disk that is full from then on.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_and_a_read_only_folder_end_with_3_and_spoil_nothing() {
+    let desk = Desk::new();
+    fs::create_dir(desk.path("out")).expect("room");
+    desk.write("out/pot.exr", "before");
+    let run = |words: &str| {
+        let output = Command::new("sh")
+            .args(["-c", "trap '' XFSZ; ulimit -f 20; exec \"$@\"", "sh"])
+            .arg(env!("CARGO_BIN_EXE_anisomap"))
+            .args(words.split(' '))
+            .current_dir(desk.folder.path())
+            .output()
+            .expect("the binary starts");
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(3), "{words}: {told}");
+        told
+    };
+    let told = run("generate pot -o out --size 512");
+    assert!(told.contains("out/pot.exr"), "{told}");
+    for words in [
+        "generate pot -o out --size 512 --formats png",
+        "generate pot -o out --size 512 --formats glb",
+        "preview pot -o out/pot.png --size 256",
+        "reduce scratched_steel -o out --size 256 --tolerance 0.001",
+    ] {
+        run(words);
+    }
+    let there: Vec<_> = fs::read_dir(desk.path("out"))
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").file_name())
+        .collect();
+    assert_eq!(there, ["pot.exr"], "no halves");
+    assert_eq!(
+        fs::read(desk.path("out/pot.exr")).expect("bytes"),
+        b"before"
+    );
+    let told = desk.run("generate pot -o /sys/maps --size 16");
+    assert_eq!(told.code, 3, "{}", told.err);
+    assert!(told.err.contains("/sys/maps"), "{}", told.err);
+}
+
 /// A device that is full: what is told there is lost.
 #[cfg(target_os = "linux")]
 #[test]

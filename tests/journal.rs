@@ -2,6 +2,10 @@
 //! recovered, to the last point.
 #![cfg(unix)]
 
+use anisomap::convention::MapInfo;
+use anisomap::export::Export;
+use anisomap::export::exr::{Precision, write_master};
+use anisomap::map::{AnisoMap, DEFAULT_TEXEL, Size, Wrap};
 use anisomap::paint::{Brush, Point, Stroke};
 use anisomap::recipe::{RecipeFile, Source};
 use anisomap::studio::{Base, Edit, Journal, LayerHead, LeftBehind, Options, Studio, left_behind};
@@ -15,6 +19,10 @@ use std::time::{Duration, Instant};
 
 const FOLDER: &str = "ANISOMAP_TEST_FOLDER";
 const KILLS: u64 = 50;
+/// Strokes whose recipe is far over 20 blocks.
+const MANY: u32 = 1000;
+/// A place in a folder that is read-only even to the superuser.
+const READ_ONLY: &str = "/sys/work.toml";
 const TEXT: &str = "version = 1\nsize = 128\n[[layers]]\nname = 'paint'\n[layers.strokes]\npacked = []\nbrushes = []\n";
 
 fn options(folder: &Path) -> Options {
@@ -88,6 +96,53 @@ fn recover(folder: &Path) {
     drop(studio); // as a kill would
 }
 
+/// A studio with so many strokes in it.
+fn painted(folder: &Path, strokes: u32) -> Studio {
+    let file = RecipeFile::parse(TEXT, "t.toml", None).expect("a recipe");
+    let mut studio = Studio::new(file, None, options(folder)).expect("a studio");
+    for n in 0..strokes {
+        let edit = Edit::AddStroke {
+            layer: 0,
+            mask: false,
+            stroke: stroke(n),
+        };
+        studio.edit("Stroke", vec![edit], None).expect("room");
+    }
+    studio
+}
+
+/// Saves much work where only little may be written, over a file and beside it, and exports it: all three fail, and the work is
+/// still there.
+fn save(folder: &Path) {
+    let mut studio = painted(&folder.join("journals"), MANY);
+    // A folder that nobody may write into, whoever runs this, is there besides.
+    for path in [
+        folder.join("kept.toml"),
+        folder.join("new.toml"),
+        READ_ONLY.into(),
+    ] {
+        let error = studio.save(&path).expect_err("no room");
+        println!("\nsaving: {} {error}", error.exit_code());
+        assert!(studio.document().is_changed(), "it is not saved");
+        assert_eq!(strokes(&studio), MANY as usize);
+    }
+    assert!(studio.undo().expect("a step") && studio.redo().expect("a step"));
+    assert_eq!(strokes(&studio), MANY as usize);
+    let size = Size::new(512, 512).expect("a size");
+    let mut map = AnisoMap::constant(size, Wrap::Repeat, DEFAULT_TEXEL);
+    for (i, alpha) in map.region_mut().alpha_x.iter_mut().enumerate() {
+        // Nothing that could be packed.
+        *alpha = 0.1 + (i as f32 * 0.618_034).fract();
+    }
+    let info = MapInfo::default();
+    for name in ["kept.exr", "new.exr"] {
+        let export = Export::new(&map, &info);
+        let error = write_master(&folder.join(name), &export, Precision::Float);
+        let error = error.expect_err("no room");
+        println!("\nexport: {} {error}", error.exit_code());
+    }
+}
+
 /// Not a test of its own: what the tests below start and kill.
 #[test]
 fn painter() {
@@ -104,7 +159,15 @@ fn recoverer() {
     }
 }
 
-/// This program as another process, which does one of the two above; run by `shell` words, if any.
+/// Nor this one.
+#[test]
+fn saver() {
+    if let Some(folder) = std::env::var_os(FOLDER) {
+        save(Path::new(&folder));
+    }
+}
+
+/// This program as another process, which does one of the three above; run by `shell` words, if any.
 fn start(what: &str, folder: &Path, shell: &str) -> Child {
     Command::new("sh")
         .arg("-c")
@@ -206,6 +269,39 @@ fn a_disk_that_fills_keeps_what_was_written_and_stops_nobody() {
     let (studio, changes) = Studio::recover(left, Options::default()).expect("readable work");
     let n = strokes(&studio);
     assert!(n >= done && n as u64 == changes, "{n} of {done}");
+}
+
+#[test]
+fn a_full_disk_fails_to_save_and_export_and_spoils_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("kept.toml"), TEXT).expect("room");
+    std::fs::write(path("kept.exr"), "before").expect("room");
+    let mut child = start("saver", folder.path(), "trap '' XFSZ; ulimit -f 20;");
+    let said: Vec<String> = lines(&mut child).collect();
+    assert!(child.wait().expect("it ended").success(), "{said:?}");
+    for (what, name) in [
+        ("saving: 3", "kept.toml"),
+        ("saving: 3", "new.toml"),
+        #[cfg(target_os = "linux")]
+        ("saving: 3", READ_ONLY),
+        ("export: 3", "kept.exr"),
+        ("export: 3", "new.exr"),
+    ] {
+        let told = |l: &String| l.starts_with(what) && l.contains(name);
+        assert!(said.iter().any(told), "{what} {name}: {said:?}");
+    }
+    assert_eq!(
+        std::fs::read_to_string(path("kept.toml")).expect("text"),
+        TEXT
+    );
+    assert_eq!(std::fs::read(path("kept.exr")).expect("bytes"), b"before");
+    let mut there: Vec<_> = std::fs::read_dir(folder.path())
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").file_name())
+        .collect();
+    there.sort();
+    assert_eq!(there, ["journals", "kept.exr", "kept.toml"], "no halves");
 }
 
 /// Says that it is over when it goes, by a panic too: others wait for that.
