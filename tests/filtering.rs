@@ -5,10 +5,11 @@ use anisomap::map::{AnisoMap, Size, Texel, Wrap};
 use anisomap::math::Axis;
 use anisomap::mesh::{self, Mesh};
 use anisomap::preview::{
-    Background, Look, Material, Picture, Quality, Scene, Subject, render, render_reference,
+    Background, Light, Look, Material, Picture, Quality, Scene, Subject, render, render_reference,
 };
 use anisomap::progress::Progress;
 use anisomap::recipe::{Recipe, preset};
+use glam::Vec3;
 
 fn recipe(name: &str) -> Recipe {
     let preset = preset(name).expect("a preset");
@@ -148,7 +149,7 @@ fn minified_maps_are_nearer_to_the_truth_than_naive_averages() {
         ("turned_disc", mesh::disc(), [0.2, 0.13]),
         ("vinyl_record", mesh::disc(), [0.21, 0.19]),
         ("spun_copper", mesh::pot(), [0.2, 0.29]),
-        ("pot", mesh::pot(), [0.27, 0.35]),
+        ("pot", mesh::pot(), [0.28, 0.35]),
     ] {
         for (samples, at_most) in [1, 2].into_iter().zip(at_most) {
             let [ours, naive, alike] = against_the_truth(preset, &mesh, samples);
@@ -171,4 +172,74 @@ fn minified_maps_are_nearer_to_the_truth_than_naive_averages() {
             assert!(ours.covered < at_most * alike.covered, "{preset} {samples}");
         }
     }
+}
+
+/// A highlight far narrower than a pixel, on metal as flat as a mirror: view and lamp alone turn the half vector. Bare samples lose
+/// it between them; widened it is there wherever it falls, as bright on the whole as a box of one sample lets it be.
+#[test]
+fn highlights_narrower_than_a_sample_are_not_lost_on_flat_surfaces() {
+    let mesh = mesh::disc();
+    let texel = Texel {
+        alpha_x: 0.002,
+        alpha_y: 0.001,
+        axis: Axis::from_degrees(30.0),
+    };
+    let map = AnisoMap::constant(Size::new(1, 1).expect("a size"), Wrap::Repeat, texel);
+    let material = Material {
+        ambient: [0.0; 3],
+        diffuse: [0.0; 3],
+        ..Material::default()
+    };
+    let subject = Subject {
+        mesh: &mesh,
+        map: &map,
+        material: &material,
+    };
+    let size = Size::new(64, 64).expect("a size");
+    let none = Progress::none();
+    let black = Background {
+        top: [0.0; 3],
+        bottom: [0.0; 3],
+    };
+    let sum = |picture: Vec<Picture>| -> f64 {
+        let pixels = picture[0].pixels().iter();
+        pixels.map(|p| f64::from(p[1])).sum()
+    };
+    let plain = Scene::for_mesh(&mesh);
+    let back = (plain.camera.eye - plain.camera.target).normalize();
+    let mirrored = Vec3::new(-back.x, -back.y, back.z);
+    let (mut errors, mut bare) = ([0.0f64; 2], [0.0f64; 2]);
+    for step in 0..8 {
+        // Aside by parts of a pixel.
+        let toward = mirrored + Vec3::new(0.003, 0.002, 0.0) * step as f32;
+        let far = Light::Directional {
+            toward,
+            irradiance: [1.0; 3],
+        };
+        let near = Light::Point {
+            position: toward * 2.5,
+            intensity: [1.0; 3],
+        };
+        for (i, light) in [far, near].into_iter().enumerate() {
+            let scene = Scene {
+                lights: vec![light],
+                background: black,
+                samples: 1,
+                ..plain.clone()
+            };
+            let looks = [Look::default()];
+            let truth = render_reference(subject, &scene, &looks, size, 48, &none);
+            let plain = Scene {
+                quality: Quality::PLAIN,
+                ..scene.clone()
+            };
+            let [ours, plain] = [&scene, &plain].map(|s| render(subject, s, &looks, size, &none));
+            let [truth, ours, plain] = [truth, ours, plain].map(|p| sum(p.expect("a picture")));
+            errors[i] = errors[i].max((ours / truth - 1.0).abs());
+            bare[i] = bare[i].max((plain / truth - 1.0).abs());
+        }
+    }
+    println!("largest error of the light: {errors:?}, of bare samples {bare:?}");
+    assert!(errors[0] < 0.25 && errors[1] < 0.6, "{errors:?}");
+    assert!(bare.iter().all(|e| *e > 0.95), "{bare:?}");
 }

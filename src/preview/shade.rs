@@ -4,9 +4,9 @@
 //! - the frame is made orthonormal at the fragment ([`Frame::new`]): interpolated vectors are neither, and a tangent that
 //!   leans half a degree toward the normal costs a third of a lobe of width 0.1;
 //! - where the surface has no direction, the lobe is isotropic with the same variance, as Radiance does;
-//! - the lobe grows by the change of the normal over the sample, Sigma + J Jᵀ / 12 (the variance of a box of one sample;
-//!   Kaplanyan et al. 2016 filter in the same domain): a highlight narrower than a sample keeps its energy instead of
-//!   flickering. The change of the half vector by view and light alone is left out; it is far smaller on curved metal;
+//! - the lobe grows, light by light, by the change of the half vector over the sample, Sigma + J Jᵀ / 12 (the variance of a box of
+//!   one sample; Kaplanyan et al. 2016 filter in the same domain): a highlight narrower than a sample keeps its energy instead
+//!   of flickering;
 //! - the cosine between normal and view is at least its mean over the sample: at the outline interpolated normals bend away
 //!   from the eye, and models that divide by that cosine would put single white samples there.
 
@@ -33,8 +33,9 @@ pub(super) struct Shader<'a> {
     /// Pixels of the picture, from top to bottom.
     height: u32,
     model: Model,
-    /// The one texel along the mesh's tangent, when the map itself is not read.
-    mean: Option<[f32; 4]>,
+    /// The one texel of all fragments: the map's mean along the mesh's tangent where the look asks for it, or that of a map that
+    /// has no other.
+    alike: Option<[f32; 4]>,
     /// Where footprints are sampled that one lobe does not tell, in samples from the middle of one.
     taps: &'static [[f32; 2]],
     gain: f32,
@@ -107,17 +108,23 @@ impl<'a> Shader<'a> {
         height: u32,
         look: Look,
     ) -> Self {
-        let mean = look.mean.then(|| {
+        let map = pyramid.base();
+        let alike = if look.mean {
             let mean = pyramid.mean();
-            [(2.0 * mean.uu).sqrt(), (2.0 * mean.vv).sqrt(), 1.0, 0.0]
-        });
+            Some([(2.0 * mean.uu).sqrt(), (2.0 * mean.vv).sqrt(), 1.0, 0.0])
+        } else if map.size().texels() == 1 {
+            let t = map.texel_at(0);
+            Some([t.alpha_x, t.alpha_y, t.axis.cos2, t.axis.sin2])
+        } else {
+            None
+        };
         Self {
             pyramid,
             material,
             scene,
             height,
             model: look.model,
-            mean,
+            alike,
             taps: TAPS[scene.samples as usize - 1],
             gain: math::exp2(scene.exposure),
         }
@@ -274,14 +281,14 @@ impl<'a> Shader<'a> {
         timings.time(Stage::Frame, || {
             dispatch!(level, simd => packed::frames(simd, chunk, given));
             if quality.widening {
-                dispatch!(level, simd => packed::bends(simd, chunk, given));
+                dispatch!(level, simd => packed::changes(simd, chunk, given));
             }
         });
         let ambient = Vec3::from(self.material.ambient) * Vec3::from(self.scene.ambient);
         for (lane, c) in chunk.radiance.iter_mut().zip(ambient.to_array()) {
             lane[..n].fill(c);
         }
-        let varied = timings.time(Stage::Fetch, || match self.mean {
+        let varied = timings.time(Stage::Fetch, || match self.alike {
             Some(texel) => {
                 if quality.widening {
                     for (lane, number) in chunk.texel.iter_mut().zip(texel) {
@@ -307,11 +314,14 @@ impl<'a> Shader<'a> {
                 } else {
                     chunk.share[..n].fill(1.0);
                 }
-                match self.mean {
-                    Some(texel) if !quality.widening => {
+                match self.alike {
+                    _ if quality.widening => {
+                        dispatch!(level, simd => packed::settle(simd, chunk, n));
+                    }
+                    Some(texel) => {
                         dispatch!(level, simd => packed::lobes_alike(simd, chunk, n, texel));
                     }
-                    _ => dispatch!(level, simd => packed::lobes(simd, chunk, n, quality.widening)),
+                    None => dispatch!(level, simd => packed::lobes(simd, chunk, n)),
                 }
             });
             timings.time(Stage::Shade, || {
@@ -325,6 +335,7 @@ impl<'a> Shader<'a> {
     /// Adds the specular reflection of a light, and with `diffuse` also that.
     fn add_light(&self, light: &Light, chunk: &mut Chunk, n: usize, diffuse: bool) {
         let level = math::level();
+        let seen_only = !self.scene.quality.widening;
         let power = match *light {
             Light::Directional { toward, irradiance } => {
                 let toward = toward.normalize_or_zero().to_array();
@@ -340,6 +351,9 @@ impl<'a> Shader<'a> {
                 intensity
             }
         };
+        if !seen_only {
+            dispatch!(level, simd => packed::widened_lobes(simd, chunk, n));
+        }
         let batch = Batch {
             light: chunk.light.each_ref().map(|c| &c[..n]),
             view: chunk.view.each_ref().map(|c| &c[..n]),
@@ -351,7 +365,6 @@ impl<'a> Shader<'a> {
             (power * Vec3::from(self.material.diffuse) * f32::from(u8::from(diffuse))).to_array(),
             (power * Vec3::from(self.material.specular)).to_array(),
         );
-        let seen_only = !self.scene.quality.widening;
         dispatch!(level, simd => packed::gather(simd, chunk, n, colours, seen_only));
     }
 }
