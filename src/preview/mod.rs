@@ -26,6 +26,7 @@ pub use caption::{Align, write_text};
 pub use difference::{Difference, Measure};
 pub use frame::{Frame, Redrawn};
 pub use look::Look;
+pub(crate) use packed::texels_seen;
 pub use picture::{Picture, linear_from_srgb, srgb_from_linear};
 pub use prepared::Prepared;
 pub use reference::{REFERENCE_SAMPLES, render_reference};

@@ -3,10 +3,10 @@
 
 use crate::brdf::kernel;
 use crate::filter::{Pyramid, Room};
-use crate::map::{ALPHA_MAX, ALPHA_MIN};
-use crate::math::{AXIS_MIN_LENGTH, choose};
+use crate::map::{ALPHA_MAX, ALPHA_MIN, Texel};
+use crate::math::{self, AXIS_MIN_LENGTH, Axis, choose};
 use crate::raster::{self, Lanes, Rays};
-use fearless_simd::Simd;
+use fearless_simd::{Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::Vec2;
 use std::f32::consts::FRAC_1_PI;
@@ -540,6 +540,34 @@ pub(super) fn fetch(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize) {
     let [u, v] = &chunk.uv;
     let out = chunk.texel.each_mut().map(|c| &mut c[..n]);
     pyramid.fetch_plain(&mut chunk.room, &u[..n], &v[..n], out);
+}
+
+/// The map at texture coordinates as the loops that light pictures have it, in the mesh's tangent frame and without any bend of
+/// the surface: with `widening` as [`Quality::widening`](super::Quality::widening) has it, where lobes are made by another loop.
+pub(crate) fn texels_seen(pyramid: &Pyramid<'_>, uvs: &[Vec2], widening: bool) -> Vec<Texel> {
+    let mut chunk = Chunk::new();
+    chunk.usable = [1.0; CHUNK];
+    let mut seen = Vec::new();
+    for uvs in uvs.chunks(CHUNK) {
+        let n = uvs.len();
+        for (i, uv) in uvs.iter().enumerate() {
+            [chunk.uv[0][i], chunk.uv[1][i]] = uv.to_array();
+        }
+        fetch(pyramid, &mut chunk, n);
+        dispatch!(math::level(), simd => lobes(simd, &mut chunk, n, widening));
+        seen.extend((0..n).map(|i| {
+            let [c, s, rx, ry] = four(&chunk.lobe, i);
+            Texel {
+                alpha_x: 1.0 / rx,
+                alpha_y: 1.0 / ry,
+                axis: Axis {
+                    cos2: c * c - s * s,
+                    sin2: 2.0 * c * s,
+                },
+            }
+        }));
+    }
+    seen
 }
 
 /// Footprints whose lobes differ less than this are told by any of them.

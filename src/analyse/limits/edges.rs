@@ -108,7 +108,8 @@ pub(super) fn shared_edges() -> Result<Evidence> {
 }
 
 /// Row 24. Triangles that reach from before the eye to behind it; which samples they cover, by rays. The naive form divides by
-/// w and draws what comes out.
+/// w and draws what comes out: what is behind the eye, turned over. Ours cuts at the near plane and takes attributes from
+/// homogeneous edge functions.
 pub(super) fn behind_the_eye() -> Result<Evidence> {
     let eye = Vec3::new(0.0, 0.0, 5.0);
     let camera = Camera {

@@ -1,15 +1,13 @@
 //! Rows 17 and 18: frames that a mesh gives wrongly, drawn by the preview.
 
 use super::shading::{direction, mirrored, truth};
+use super::stage::Stage;
 use super::{Evidence, relative, worst};
 use crate::brdf::{self, Model};
 use crate::error::Result;
 use crate::map::{AnisoMap, Size, Texel, Wrap};
 use crate::math::Axis;
 use crate::mesh::{self, Mesh};
-use crate::preview::{self, Light, Look, Material, Scene, Subject};
-use crate::progress::Progress;
-use crate::raster::{Camera, Projection};
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 
 /// The light that a flat square shows of one light, seen head on.
@@ -20,42 +18,14 @@ fn seen(mesh: &Mesh, alpha: Vec2, toward: Vec3) -> Result<f32> {
         axis: Axis::U,
     };
     let map = AnisoMap::constant(Size::new(4, 4)?, Wrap::Repeat, texel);
-    let scene = Scene {
-        camera: Camera {
-            eye: Vec3::new(0.0, 0.0, 5.0),
-            target: Vec3::ZERO,
-            up: Vec3::Y,
-            projection: Projection::Orthographic { extent: 1.0 },
-        },
-        lights: vec![Light::Directional {
-            toward,
-            irradiance: [1.0; 3],
-        }],
-        samples: 1,
-        ..Scene::for_mesh(mesh)
-    };
-    let material = Material {
-        diffuse: [0.0; 3],
-        specular: [1.0; 3],
-        ambient: [0.0; 3],
-    };
-    let subject = Subject {
+    let stage = Stage {
         mesh,
         map: &map,
-        material: &material,
-    };
-    let look = Look {
         model: Model::WardExact,
-        mean: false,
+        extent: 1.0,
+        toward,
     };
-    let pictures = preview::render(
-        subject,
-        &scene,
-        &[look],
-        Size::new(3, 3)?,
-        &Progress::none(),
-    )?;
-    Ok(pictures[0].pixel(1, 1)[0])
+    Ok(stage.draw(3)?.pixel(1, 1)[0])
 }
 
 /// Row 17. Normals and tangents as interpolation along a coarse edge leaves them: short, and the tangent leaning to the normal.

@@ -1,12 +1,14 @@
 //! Rows 1 to 8, 20 and 21: the formulas of light.
 
+use super::stage::Stage;
 use super::{Evidence, bad, relative, worst};
 use crate::brdf::kernel::{self, Batch};
 use crate::brdf::{self, Model};
 use crate::error::Result;
-use crate::map::Texel;
+use crate::map::{AnisoMap, Size, Texel, Wrap};
 use crate::math::{self, Axis};
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use crate::mesh;
+use glam::{DVec2, DVec3, Quat, Vec2, Vec3};
 use std::f32::consts::PI;
 
 /// Every model with a highlight.
@@ -86,21 +88,57 @@ fn along_u(alpha: Vec2) -> Texel {
     }
 }
 
-/// How many values of the bare formula times n.l, and how many of the two that light pictures, are no light.
-fn bad_light(models: &[Model], cases: &[(Vec3, Vec3, Vec2)]) -> Evidence {
-    let mut evidence = Evidence::NONE;
-    for &model in models {
-        for &(l, v, alpha) in cases {
-            evidence.naive += f64::from(bad(brdf::evaluate(model, l, v, alpha) * l.z));
-            evidence.ours += f64::from(bad(brdf::shade(model, l, v, alpha)));
-            let vectorised = through_kernel(model, &[(l, v)], along_u(alpha));
-            evidence.ours += f64::from(bad(vectorised[0]));
-        }
-    }
-    evidence
+/// One light, one viewer, one texel, in the texel's axes.
+pub(super) type Point = (Vec3, Vec3, Vec2);
+
+/// f_r n.l in the two ways in which the program has it: by one call, and by the loop that lights pictures.
+fn lit(model: Model, (l, v, alpha): Point) -> [f32; 2] {
+    let vectorised = through_kernel(model, &[(l, v)], along_u(alpha));
+    [brdf::shade(model, l, v, alpha), vectorised[0]]
 }
 
-/// Row 1. The naive form is the textbook's: angles from acos and atan2, then tan².
+/// How far light may be off f64 where a row counts values and not digits: a part of it, or less than any picture holds.
+const LIGHT_ERROR: f64 = 1e-4;
+const NO_LIGHT: f64 = 1e-20;
+
+/// How many values are NaN, infinite, negative, or another light than that of f64: the form that is shaded with must not only
+/// be safe, it must also be there.
+pub(super) fn wrong_light<const N: usize>(
+    models: &[Model],
+    points: &[Point],
+    shaded: impl Fn(Model, Point) -> [f32; N],
+) -> usize {
+    let mut wrong = 0;
+    for &model in models {
+        for &point in points {
+            let want = truth(model, (point.0, point.1), point.2);
+            let is_wrong = |got: f32| {
+                let error = (f64::from(got) - want).abs();
+                bad(got) || error > LIGHT_ERROR * want + NO_LIGHT
+            };
+            wrong += shaded(model, point)
+                .into_iter()
+                .filter(|x| is_wrong(*x))
+                .count();
+        }
+    }
+    wrong
+}
+
+/// Bad values of the bare formula times n.l, and wrong ones of what lights pictures.
+fn light(models: &[Model], points: &[Point]) -> Evidence {
+    let bare = |model: &Model| {
+        let value = |&(l, v, alpha): &Point| brdf::evaluate(*model, l, v, alpha) * l.z;
+        points.iter().map(value).filter(|x| bad(*x)).count()
+    };
+    Evidence {
+        naive: models.iter().map(bare).sum::<usize>() as f64,
+        ours: wrong_light(models, points, lit) as f64,
+    }
+}
+
+/// Row 1. The naive form is the textbook's: angles from acos and atan2, then tan². Near the normal h.n holds nothing but its
+/// rounding: a quarter of the light is off inside three widths at alpha 0.001. So is 1 - (h.n)², which ours never forms either.
 pub(super) fn near_the_normal() -> Result<Evidence> {
     let naive = |(l, v): (Vec3, Vec3), alpha: Vec2| {
         let h = (l + v).normalize();
@@ -115,134 +153,201 @@ pub(super) fn near_the_normal() -> Result<Evidence> {
             let want = truth(Model::WardExact, pair, alpha);
             worst(&mut evidence.naive, relative(naive(pair, alpha), want));
             for model in SPECULAR {
-                let got = brdf::shade(model, pair.0, pair.1, alpha);
-                worst(&mut evidence.ours, relative(got, truth(model, pair, alpha)));
+                let want = truth(model, pair, alpha);
+                for got in lit(model, (pair.0, pair.1, alpha)) {
+                    worst(&mut evidence.ours, relative(got, want));
+                }
             }
         }
     }
     Ok(evidence)
 }
 
-/// Row 2. Light and viewer sink to the horizon and through it, together, apart, and opposite.
-pub(super) fn at_the_horizon() -> Result<Evidence> {
+/// Light and viewer that sink to the horizon and through it, together, apart, and opposite.
+pub(super) fn horizon_points() -> Vec<Point> {
     let cosines = [
-        0.0, 1e-45, 1e-40, 1e-38, 1e-30, 1e-26, 1e-20, 1e-10, 1e-5, 1e-3, 0.1, 1.0,
+        -0.1, -1e-45, 0.0, 1e-45, 1e-40, 1e-38, 1e-30, 1e-26, 1e-20, 1e-10, 1e-5, 1e-3, 0.1, 1.0,
     ];
     let low = |z: f32, x: f32| Vec3::new(x * (1.0 - z * z).sqrt(), 0.0, z);
-    let mut cases = Vec::new();
+    let mut points = Vec::new();
     for nl in cosines {
         for nv in cosines {
             for x in [1.0, -1.0] {
-                cases.push((low(nl, 1.0), low(nv, x), Vec2::new(0.1, 0.4)));
+                points.push((low(nl, 1.0), low(nv, x), Vec2::new(0.1, 0.4)));
             }
         }
     }
-    Ok(bad_light(&SPECULAR, &cases))
+    points
 }
 
-/// Row 3. A sphere whose shading normals lean 30 degrees, lit from above the viewer.
-pub(super) fn bent_normals() -> Result<Evidence> {
-    let mut cases = Vec::new();
+/// Row 2. The product n.l n.v underflows long before n.l does, and 1/sqrt(n.l n.v) or 1/(n.l n.v) is then infinite; at the
+/// horizon itself infinity times n.l is NaN.
+pub(super) fn at_the_horizon() -> Result<Evidence> {
+    Ok(light(&SPECULAR, &horizon_points()))
+}
+
+/// The axis that shading normals are turned around by 30 degrees in row 3: from it the surface is seen.
+fn bent(normal: Vec3) -> Vec3 {
+    Quat::from_rotation_x(30f32.to_radians()) * normal
+}
+
+/// The half of a sphere that is seen from +z, lit from where its bent normals are seen: the light is above every one of them,
+/// the viewer under those of a crescent.
+pub(super) fn bent_points() -> Vec<Point> {
+    let lamp = bent(Vec3::Z);
+    let mut points = Vec::new();
     for i in 0..400 {
-        let turn = f64::from(i) * 0.61;
-        let normal = direction(89.9 * f64::from(i) / 400.0, turn);
-        let shading = (normal + 0.577 * direction(90.0, 1.7 * turn)).normalize();
-        let Some((frame, _)) = math::Frame::new(shading.as_vec3(), glam::Vec4::X) else {
-            continue;
-        };
-        let light = Vec3::new(0.3, 0.8, 0.5).normalize();
-        cases.push((
-            frame.to_local(light),
-            frame.to_local(Vec3::Z),
-            Vec2::new(0.1, 0.3),
-        ));
+        let (degrees, turn) = (89.9 * f64::from(i) / 400.0, f64::from(i) * 0.61);
+        let shading = bent(direction(degrees, turn).as_vec3());
+        if let Some((frame, _)) = math::Frame::new(shading, Vec3::X.extend(1.0)) {
+            let (l, v) = (frame.to_local(lamp), frame.to_local(Vec3::Z));
+            points.push((l, v, Vec2::new(0.1, 0.3)));
+        }
     }
-    Ok(bad_light(&SPECULAR, &cases))
+    points
 }
 
-/// Row 4. The naive form normalises H.
+/// Row 3. The root of a negative n.l n.v is NaN. Behind the surface ours is 0, as f64's is; but a point that is in sight and whose
+/// normal alone is bent away must not be black, so the preview raises n.v there: the sphere is drawn, and no pixel of it may
+/// be black, nor none at all.
+pub(super) fn bent_normals() -> Result<Evidence> {
+    let mut evidence = light(&SPECULAR, &bent_points());
+    let mut sphere = mesh::sphere();
+    for normal in &mut sphere.normals {
+        *normal = bent(*normal);
+    }
+    let texel = along_u(Vec2::new(0.3, 0.6));
+    let map = AnisoMap::constant(Size::new(4, 4)?, Wrap::Repeat, texel);
+    let radius = sphere.bounding_sphere().1;
+    let side = 32u32;
+    let stage = Stage {
+        mesh: &sphere,
+        map: &map,
+        model: Model::Ggx,
+        extent: 2.0 * radius,
+        toward: bent(Vec3::Z),
+    };
+    let picture = stage.draw(side)?;
+    for (x, y) in (0..side * side).map(|i| (i % side, i / side)) {
+        let middle = |i: u32| (i as f32 + 0.5) / side as f32 - 0.5;
+        // Well inside of the outline, whatever the triangles are.
+        if Vec2::new(middle(x), middle(y)).length() < 0.48 {
+            let seen = picture.pixel(x, y)[0];
+            evidence.ours += f64::from(bad(seen) || seen == 0.0);
+        }
+    }
+    Ok(evidence)
+}
+
+/// Light and viewer opposite at the horizon and above it, and mirrored over the normal at the same heights.
+pub(super) fn opposite_points() -> Vec<Point> {
+    let mut points = Vec::new();
+    for i in 0..64u16 {
+        let tilt = [0.0, 1e-30, 1e-12, 0.3][usize::from(i % 4)];
+        let l = direction(90.0, f64::from(i) * 0.1).as_vec3();
+        let l = l.with_z(tilt).normalize();
+        for v in [-l, Vec3::new(-l.x, -l.y, l.z)] {
+            points.push((l, v, Vec2::new(0.05, 0.5)));
+        }
+    }
+    points
+}
+
+/// Row 4. |H| is 0, which happens only with n.l = -n.v. The naive form normalises H.
 pub(super) fn opposite_directions() -> Result<Evidence> {
-    let naive = |l: Vec3, v: Vec3, alpha: Vec2| {
+    let naive = |&(l, v, alpha): &Point| {
         let h = (l + v).normalize();
         let k = 2.0 * ((h.x / alpha.x).powi(2) + (h.y / alpha.y).powi(2)) / (1.0 + h.z);
         (-k).exp() * l.z
     };
-    let mut evidence = Evidence::NONE;
-    for i in 0..64u16 {
-        let azimuth = f64::from(i) * 0.1;
-        let tilt = [0.0, 1e-30, 1e-12, 0.3][usize::from(i % 4)];
-        let l = direction(90.0, azimuth).as_vec3().with_z(tilt).normalize();
-        let alpha = Vec2::new(0.05, 0.5);
-        evidence.naive += f64::from(bad(naive(l, -l, alpha)));
-        for v in [-l, Vec3::new(-l.x, -l.y, l.z)] {
-            evidence.ours += bad_light(&SPECULAR, &[(l, v, alpha)]).ours;
-        }
-    }
-    Ok(evidence)
+    let points = opposite_points();
+    Ok(Evidence {
+        naive: points.iter().filter(|p| bad(naive(p))).count() as f64,
+        ours: light(&SPECULAR, &points).ours,
+    })
 }
 
-/// Row 5. H itself sinks to the horizon, and the bounded form divides by its height to the fourth power.
-pub(super) fn grazing_half_vector() -> Result<Evidence> {
-    let mut cases = Vec::new();
-    for exponent in 4..40 {
+/// Half vectors from half a right angle above the horizon down to nothing.
+pub(super) fn grazing_points() -> Vec<Point> {
+    let mut points = Vec::new();
+    for exponent in 0..40 {
         let z = 0.5 * 10f32.powi(-exponent);
-        let l = Vec3::new(1.0, 0.0, z);
-        for v in [Vec3::new(-1.0, 0.0, z), Vec3::new(0.0, 1.0, z), l] {
-            cases.push((l, v, Vec2::new(0.1, 0.4)));
+        let l = Vec3::new(1.0, 0.0, z).normalize();
+        for v in [Vec3::new(-l.x, 0.0, l.z), Vec3::new(0.0, l.x, l.z), l] {
+            points.push((l, v, Vec2::new(0.1, 0.4)));
         }
     }
-    let naive = |&(l, v, alpha): &(Vec3, Vec3, Vec2)| {
+    points
+}
+
+/// Row 5. H sinks to the horizon, and the bounded form divides by its height to the fourth power, which underflows at 1e-11:
+/// infinity, times an exponential that is 0.
+pub(super) fn grazing_half_vector() -> Result<Evidence> {
+    let naive = |&(l, v, alpha): &Point| {
         let h = l + v;
         let k = ((h.x / alpha.x).powi(2) + (h.y / alpha.y).powi(2)) / (h.z * h.z);
         h.length_squared() * (-k).exp() / (PI * alpha.x * alpha.y * h.z.powi(4)) * l.z
     };
-    let count = cases.iter().filter(|c| bad(naive(c))).count();
+    let points = grazing_points();
     Ok(Evidence {
-        naive: count as f64,
-        ours: bad_light(&[Model::WardBounded], &cases).ours,
+        naive: points.iter().filter(|p| bad(naive(p))).count() as f64,
+        ours: light(&SPECULAR, &points).ours,
     })
 }
 
-/// Row 6. Widths that no surface has.
-pub(super) fn extreme_widths() -> Result<Evidence> {
+/// Widths that no surface has.
+pub(super) fn extreme_points() -> Vec<Point> {
     let widths = [
         0.0, -0.0, -1.0, 1e-45, 1e-40, 1e-30, 1e-20, 1e-10, 1e-5, 1e-4, 1e-3, 0.1, 1.0, 10.0, 1e30,
     ];
     let tilted = Vec3::new(0.01, 0.02, 1.0).normalize();
-    let mut cases = Vec::new();
+    let mut points = Vec::new();
     for ax in widths {
         for ay in widths {
             for l in [Vec3::Z, tilted, Vec3::new(0.6, 0.0, 0.8)] {
-                cases.push((l, Vec3::Z, Vec2::new(ax, ay)));
+                points.push((l, Vec3::Z, Vec2::new(ax, ay)));
             }
         }
     }
-    Ok(bad_light(&SPECULAR, &cases))
+    points
 }
 
-/// Row 7. How much of a lobe's tail is denormal numbers, which many processors take much longer over.
-pub(super) fn underflow() -> Result<Evidence> {
-    let subnormal = |x: f32| f64::from(x.is_subnormal());
-    let mut evidence = Evidence::NONE;
+/// Row 6. 1/(4 pi alpha²) is infinite at 1e-20, and times an exponential that is 0 a NaN; a negative width gives negative light.
+/// Ours has its least width, 0.001, for all of them, as f64's has.
+pub(super) fn extreme_widths() -> Result<Evidence> {
+    Ok(light(&SPECULAR, &extreme_points()))
+}
+
+/// From the peak of a lobe down its tail, to exponents that no f32 holds, along a way that only `k` tells of.
+fn tail() -> impl Iterator<Item = (f64, Point)> {
     let alpha = Vec2::new(0.02, 0.05);
-    for i in 0..1000 {
-        let k = 70.0 + 0.05 * f64::from(i);
+    let v = direction(20.0, 1.0);
+    (0..2400).filter_map(move |i| {
+        let k = 0.05 * f64::from(i);
         let slope = DVec2::new(f64::from(alpha.x) * k.sqrt(), 0.0);
-        let v = direction(20.0, 1.0);
-        let Some(l) = mirrored(v, slope) else {
-            continue;
-        };
-        let (l, v) = (l.as_vec3(), v.as_vec3());
-        evidence.naive += subnormal((-(k as f32)).exp());
-        for model in SPECULAR {
-            evidence.ours += subnormal(brdf::shade(model, l, v, alpha));
-            evidence.ours += subnormal(through_kernel(model, &[(l, v)], along_u(alpha))[0]);
-        }
-    }
-    Ok(evidence)
+        Some((k, (mirrored(v, slope)?.as_vec3(), v.as_vec3(), alpha)))
+    })
 }
 
-/// Row 8. The naive form keeps the lobe as a matrix of three numbers, R diag(1/alpha²) Rᵀ.
+pub(super) fn tail_points() -> Vec<Point> {
+    tail().map(|(_, point)| point).collect()
+}
+
+/// Row 7. How much of a lobe's tail is denormal numbers, which many processors take much longer over: e^-k is one from 87.4 to 103.
+/// Ours is light as f64 has it up to k = 80 and 0 beyond, under 2e-35 of the peak.
+pub(super) fn underflow() -> Result<Evidence> {
+    let count = |values: &mut dyn Iterator<Item = f32>| values.filter(|x| x.is_subnormal()).count();
+    let points = tail_points();
+    let slow = SPECULAR.map(|m| count(&mut points.iter().flat_map(|p| lit(m, *p))));
+    let wrong = wrong_light(&SPECULAR, &points, lit);
+    Ok(Evidence {
+        naive: count(&mut tail().map(|(k, _)| (-(k as f32)).exp())) as f64,
+        ours: (slow.iter().sum::<usize>() + wrong) as f64,
+    })
+}
+
+/// Row 8. The naive form keeps the lobe as a matrix of three numbers, R diag(1/alpha²) Rᵀ, whose terms cancel: a fifth of the
+/// light is off inside two widths at (0.001, 1).
 pub(super) fn extreme_ratios() -> Result<Evidence> {
     let mut evidence = Evidence::NONE;
     let widths = [(0.01, 0.1), (0.01, 1.0), (0.001, 0.1), (0.001, 1.0)];
@@ -326,7 +431,9 @@ impl Turned {
 }
 
 /// Row 20. h.n to a power: Ashikhmin and Shirley's exponent (nu hx² + nv hy²)/(1 - hz²) is 0/0 at the peak, and hz holds
-/// nothing but its rounding near it. Ours is what the program has of the kind, Blinn-Phong.
+/// nothing but its rounding near it. Their limit form in f64 is what the naive one is measured against; it meets the reference
+/// table (see the tests). Ours is what the program has of the kind, Blinn-Phong, against its definition: the plain power of a
+/// normalised h.n in f64.
 pub(super) fn power_of_the_half_vector() -> Result<Evidence> {
     let mut evidence = Evidence::NONE;
     for alpha in [0.1, 0.01, 0.001] {
@@ -338,14 +445,21 @@ pub(super) fn power_of_the_half_vector() -> Result<Evidence> {
             let naive = (exponent * h.z.ln()).exp();
             let want = power_f64((pair.0 + pair.1).as_dvec3(), n.as_dvec2());
             worst(&mut evidence.naive, relative(naive, want));
-            let ours = brdf::shade(Model::BlinnPhong, pair.0, pair.1, alpha);
-            worst(
-                &mut evidence.ours,
-                relative(ours, truth(Model::BlinnPhong, pair, alpha)),
-            );
+            let want = blinn_phong_by_definition(pair, alpha.x.into());
+            for ours in lit(Model::BlinnPhong, (pair.0, pair.1, alpha)) {
+                worst(&mut evidence.ours, relative(ours, want));
+            }
         }
     }
     Ok(evidence)
+}
+
+/// (n + 8)/(8 pi) (h.n)^n n.l. f64 has digits enough for the power as it is printed: one rounding of h.n is 2e-10 of it at
+/// alpha 0.001.
+fn blinn_phong_by_definition((l, v): (Vec3, Vec3), alpha: f64) -> f64 {
+    let (l, v) = (l.as_dvec3(), v.as_dvec3());
+    let n = 2.0 / (alpha * alpha) - 2.0;
+    (n + 8.0) / (8.0 * std::f64::consts::PI) * (l + v).normalize().z.powf(n) * l.z
 }
 
 /// hz^((nu hx² + nv hy²)/(1 - hz²)) for H of any length, in the form that has a limit: with t = tan², ln hz = -ln(1 + t)/2 and
@@ -356,7 +470,8 @@ pub(super) fn power_f64(h: DVec3, n: DVec2) -> f64 {
     (-0.5 * share * (n.x * h.x * h.x + n.y * h.y * h.y) / (h.z * h.z)).exp()
 }
 
-/// Row 21. The glTF sample viewer clamps V = G/(4 n.l n.v) to 1.
+/// Row 21. The glTF sample viewer clamps V = G/(4 n.l n.v) to 1, which it passes from some 60 degrees on in the mirror direction:
+/// at alpha 0.1 that keeps 0.73 of the light at 65 degrees, 0.29 at 75, 0.05 at 85. So that viewer is darker at outlines.
 pub(super) fn clamped_visibility() -> Result<Evidence> {
     let alpha = Vec2::splat(0.1);
     let mut evidence = Evidence::NONE;
@@ -369,10 +484,9 @@ pub(super) fn clamped_visibility() -> Result<Evidence> {
         let visibility = brdf::evaluate(Model::Ggx, l, v, alpha) / distribution;
         let naive = distribution * visibility.min(1.0) * l.z;
         worst(&mut evidence.naive, relative(naive, want));
-        worst(
-            &mut evidence.ours,
-            relative(brdf::shade(Model::Ggx, l, v, alpha), want),
-        );
+        for ours in lit(Model::Ggx, (l, v, alpha)) {
+            worst(&mut evidence.ours, relative(ours, want));
+        }
     }
     Ok(evidence)
 }

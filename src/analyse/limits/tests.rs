@@ -1,6 +1,8 @@
 use super::shading::power_f64;
 use super::*;
-use glam::{DVec2, DVec3};
+use crate::filter::Pyramid;
+use crate::map::Texel;
+use glam::{DVec2, DVec3, Vec2};
 use std::path::Path;
 
 #[test]
@@ -11,6 +13,40 @@ fn every_row_shows_the_usual_form_failing_and_ours_holding() {
         assert!(limit.breaks(evidence), "the usual form holds: {what}");
         assert!(limit.holds(evidence), "ours breaks: {what}");
     }
+}
+
+/// A form that is safe because it is dark must not pass: rows 2 to 7 compare light where there is some, for every model.
+#[test]
+fn no_light_at_all_fails_the_rows_that_count_bad_light() {
+    for (row, points) in [
+        (2, shading::horizon_points()),
+        (3, shading::bent_points()),
+        (4, shading::opposite_points()),
+        (5, shading::grazing_points()),
+        (6, shading::extreme_points()),
+        (7, shading::tail_points()),
+    ] {
+        for model in SPECULAR {
+            let wrong = shading::wrong_light(&[model], &points, |_, _| [0.0]);
+            assert!(wrong >= 5, "row {row}, {model}: {wrong}");
+        }
+    }
+}
+
+/// What row 15 says of the one lobe that stands for many; the mean of widths and double angles has a third of the variance.
+#[test]
+fn the_mean_lobe_of_a_footprint_has_the_mean_variance() {
+    let along_u = |t: Texel| {
+        let (x, y) = (f64::from(t.alpha_x).powi(2), f64::from(t.alpha_y).powi(2));
+        0.25 * (x + y + (x - y) * f64::from(t.axis.cos2))
+    };
+    let map = texels::fan().unwrap();
+    let texels = map.size().texels();
+    let all = (0..texels).map(|i| along_u(map.texel_at(i)));
+    let want = all.sum::<f64>() / texels as f64;
+    let seen = Pyramid::new(&map).sample(Vec2::splat(0.5), Vec2::X, Vec2::Y);
+    assert!((along_u(seen) / want - 1.0).abs() < 1e-5);
+    assert!(along_u(texels::averaged(&map)) / want < 0.5);
 }
 
 #[test]
