@@ -421,22 +421,9 @@ fn depth(storage: &str) -> &str {
 
 /// The page: what was measured on what, the charts, and the front of each.
 fn page(measured: &Measured, options: &Options, charts: &[Chart]) -> String {
-    let machine = &measured.machine;
     let mut text = String::from("# Speed against accuracy, measured\n\n");
-    let commit = machine
-        .commit
-        .as_ref()
-        .map_or_else(String::new, |c| format!(" (commit {c})"));
-    // Writing to a string does not fail.
-    let _ = writeln!(
-        text,
-        "{}; {}; anisomap {}{commit}, {} build; `{}`.\n",
-        machine.line(),
-        machine.system,
-        machine.version,
-        machine.build,
-        options.command
-    );
+    text += &measured.machine.signature(&options.command);
+    text += "\n\n";
     if options.is_quick {
         text += "A quick run: small pictures and single rounds. It shows that all works; its times say nothing.\n\n";
     }

@@ -3,10 +3,10 @@
 
 use super::energy;
 use super::envelope::{self, Envelope, LEVELS};
+use super::machine::Machine;
 use crate::analyse::limits::{Evidence, LIMITS, Limit, SPECULAR};
 use crate::error::Result;
 use crate::export::{Written, write_atomic};
-use crate::math;
 use crate::progress::Progress;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -49,9 +49,14 @@ impl Row {
     }
 }
 
+/// What is written beside the numbers as the command that measured them; the folder's name is the user's own business.
+const COMMAND: &str = "anisomap chart --stability -o DIR";
+
 /// What was measured and written.
 #[derive(Clone, Debug)]
 pub struct Stability {
+    /// On what.
+    pub machine: Machine,
     /// Every failure mode.
     pub rows: Vec<Row>,
     /// Where f32 holds.
@@ -81,10 +86,11 @@ pub fn stability(dir: &Path, progress: &Progress<'_>) -> Result<Stability> {
     }
     let (envelope, files) = envelope::write(dir, progress)?;
     let mut files = files.to_vec();
+    let machine = Machine::here();
     files.extend(energy::write(dir, progress)?);
     for (name, text) in [
         ("limits.csv", csv(&rows)),
-        ("limits.md", page(&rows, &envelope)),
+        ("limits.md", page(&machine, &rows, &envelope)),
     ] {
         let written = write_atomic(&dir.join(name), |file| {
             io::Write::write_all(file, text.as_bytes())
@@ -92,6 +98,7 @@ pub fn stability(dir: &Path, progress: &Progress<'_>) -> Result<Stability> {
         files.push(written);
     }
     Ok(Stability {
+        machine,
         rows,
         envelope,
         files,
@@ -112,25 +119,24 @@ fn csv(rows: &[Row]) -> String {
 }
 
 /// The tables as a short page.
-fn page(rows: &[Row], envelope: &Envelope) -> String {
-    let level = math::levels().last().map_or("baseline", |l| l.0);
+fn page(machine: &Machine, rows: &[Row], envelope: &Envelope) -> String {
     let mut text = format!(
-        "# What fails, measured here\n\n\
-         By anisomap {} with `anisomap chart --stability`, vectorised loops at {level}.\n\n\
+        "# What fails, measured here\n\n{}\n\n\
          Every row runs the form that is usually written and the program's own on the same inputs.\n\n\
-         | # | case | the usual form | ours | bound | |\n|---|---|---|---|---|---|\n",
-        env!("CARGO_PKG_VERSION")
+         | # | case | the usual form | ours | bound | | where |\n|---|---|---|---|---|---|---|\n",
+        machine.signature(COMMAND)
     );
     for (row, limit) in rows.iter().zip(&LIMITS) {
         let _ = writeln!(
             text,
-            "| {} | {} | {} | {} | {} | {} |",
+            "| {} | {} | {} | {} | {} | {} | `{}` |",
             row.number,
             limit.case,
             row.shown[0],
             row.shown[1],
             row.bound,
-            if row.holds { "holds" } else { "**fails**" }
+            if row.holds { "holds" } else { "**fails**" },
+            limit.place
         );
     }
     text += "\n## Where f32 holds\n\n";
@@ -184,6 +190,7 @@ mod tests {
         }
         let page = std::fs::read_to_string(folder.path().join("limits.md")).unwrap();
         assert!(!page.contains("**fails**"));
+        assert!(page.contains(&Machine::here().signature(COMMAND)));
         for limit in &LIMITS {
             assert!(page.contains(limit.case), "{}", limit.name);
         }
@@ -196,6 +203,6 @@ mod tests {
         let mut rows = vec![Row::new(&LIMITS[11]).unwrap()];
         rows[0].holds = false;
         let envelope = Envelope { cells: Vec::new() };
-        assert!(page(&rows, &envelope).contains("**fails**"));
+        assert!(page(&Machine::here(), &rows, &envelope).contains("**fails**"));
     }
 }

@@ -13,6 +13,7 @@ pub(super) fn run(output: &Path, as_json: bool) -> Result {
     let found = console::with_progress("measuring", |progress| chart::stability(output, progress))?;
     if as_json {
         console::print_json(&json!({
+            "machine": found.machine,
             "holds": found.holds(),
             "limits": found.rows,
             "files": found.files,
@@ -28,8 +29,10 @@ pub(super) fn run(output: &Path, as_json: bool) -> Result {
 }
 
 fn report(found: &Stability) -> String {
-    let mut text = format!(
-        "{:>3} {:22}{:>18}{:>18}{:>18}\n",
+    let mut text = format!("{}\n", found.machine.line());
+    let _ = writeln!(
+        text,
+        "{:>3} {:22}{:>18}{:>18}{:>18}",
         "#", "", "the usual form", "ours", "bound"
     );
     for row in &found.rows {
