@@ -1,14 +1,15 @@
 //! What one evaluation of a model costs, and how far it is from f64.
 //!
 //! Run with `cargo bench --bench brdf`. One line per case and CPU level:
-//! `case=ward-map exp=5 level=avx2 threads=1 ns_min=… ns_median=… max_rel=…`. A case `MODEL-map` evaluates one light on pixels that
+//! `case=ward-map exp=5 level=avx2 threads=1 ns_min=… ns_median=… max_rel=…`. `exp` is the degree of the polynomial that the
+//! exponential is taken with, `none` for a model without one; a single call (`scalar`) takes a better one. A case `MODEL-map` evaluates one light on pixels that
 //! each have their own directions and their own prepared texel, all f32; the working set (1.4 MB) is larger than a core's
 //! first cache. `max_rel` is the largest error relative to f64 of the same f32 inputs where the exponent is at most 20; the
 //! alphas are 0.05 and more.
 
-use anisomap::brdf::kernel::{self, Batch, EXP_DEGREE};
+use anisomap::brdf::kernel::{self, Batch, exp_degree};
 use anisomap::brdf::{Model, shade, shade_f64};
-use anisomap::math::{levels, sin_cos};
+use anisomap::math::{self, levels, sin_cos};
 use fearless_simd::Level;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use std::time::Instant;
@@ -102,13 +103,19 @@ fn time(mut run: impl FnMut()) -> (f64, f64) {
     (times[0], times[ROUNDS / 2])
 }
 
+/// A degree, or that there is no exponential.
+fn word(degree: Option<u32>) -> String {
+    degree.map_or_else(|| "none".to_owned(), |d| d.to_string())
+}
+
 fn batch_case(pixels: &Pixels, model: Model, name: &str, level: Level) {
     let batch = pixels.batch();
     let mut out = vec![0.0; PIXELS];
     let (min, median) =
         time(|| kernel::shade(level, model, &batch, std::hint::black_box(&mut out)));
     println!(
-        "case={model}-map exp={EXP_DEGREE} level={name} threads=1 ns_min={min:.3} ns_median={median:.3} max_rel={:.2e}",
+        "case={model}-map exp={} level={name} threads=1 ns_min={min:.3} ns_median={median:.3} max_rel={:.2e}",
+        word(exp_degree(model)),
         pixels.worst(model, &out)
     );
 }
@@ -126,7 +133,8 @@ fn scalar_case(pixels: &Pixels, model: Model) {
         }
     });
     println!(
-        "case={model}-map exp=7 level=scalar threads=1 ns_min={min:.3} ns_median={median:.3} max_rel={:.2e}",
+        "case={model}-map exp={} level=scalar threads=1 ns_min={min:.3} ns_median={median:.3} max_rel={:.2e}",
+        word(exp_degree(model).map(|_| math::EXP_DEGREE)),
         pixels.worst(model, &out)
     );
 }

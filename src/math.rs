@@ -232,6 +232,9 @@ pub fn whole(x: f32) -> i32 {
     ((x + ROUND).to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32)
 }
 
+/// The degree of the polynomial in [`exp`].
+pub const EXP_DEGREE: u32 = 7;
+
 /// e^x for x in [-87, 88]; arguments are clamped to that, so the result is always normal and finite. Relative error 2e-7.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {

@@ -15,7 +15,7 @@
 //! alphas of 0.05 and more and exponents up to 20 Ward's family is within 1e-5 of it for widths up to 10 apart, 3e-5 beyond.
 
 use super::{ALPHA_FLOOR, COSINE_FLOOR, EXPONENT_MAX, Model, beckmann, blinn_phong, ggx, phong};
-use crate::math::half_angle;
+use crate::math::{self, half_angle};
 use fearless_simd::{Level, Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::{Vec2, Vec3};
@@ -23,6 +23,16 @@ use std::f32::consts::{FRAC_1_PI, LOG2_E};
 
 /// The degree of the polynomial in [`exp_5`].
 pub const EXP_DEGREE: u32 = 5;
+
+/// The degree of the polynomial that [`shade`] takes a model's exponential with, also where it is part of a power; none for a
+/// model that has no exponential.
+pub fn exp_degree(model: Model) -> Option<u32> {
+    match model {
+        Model::Ward | Model::WardExact | Model::WardDuer | Model::WardBounded => Some(EXP_DEGREE),
+        Model::Beckmann | Model::Phong | Model::BlinnPhong => Some(math::EXP_DEGREE),
+        Model::Ggx | Model::Lambert => None,
+    }
+}
 
 /// What one light does to a batch of pixels. All slices have one length.
 #[derive(Clone, Copy, Debug)]

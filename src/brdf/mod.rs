@@ -58,6 +58,8 @@ pub mod ward_bounded;
 pub mod ward_duer;
 pub mod ward_exact;
 
+pub(crate) use smith::scaled_beckmann_gain;
+
 use crate::error::{Error, Result, nearest_word};
 use crate::math;
 use glam::{DVec2, DVec3, Vec2, Vec3};

@@ -68,10 +68,15 @@ pub(super) fn beckmann_visibility_f64(l: DVec3, v: DVec3, alpha: DVec2) -> f64 {
 }
 
 /// g(a) = exp(-a²) - a sqrt(pi) erfc(a) for a >= 0, also infinite: from 1 down to 0. Absolute error 6e-7.
-///
-/// exp(a²) g is smooth in t = 1/(1 + 0.4 a), which maps all of a to (0, 1]: a minimax polynomial of degree 9, error 1.9e-7.
 #[inline(always)]
 fn beckmann_gain(a: f32) -> f32 {
+    scaled_beckmann_gain(a) * math::exp(-a * a)
+}
+
+/// exp(a²) g(a), which is smooth in t = 1/(1 + 0.4 a), and that maps all of a to (0, 1]: a minimax polynomial of degree 9, error
+/// 1.9e-7.
+#[inline(always)]
+pub(crate) fn scaled_beckmann_gain(a: f32) -> f32 {
     let t = 1.0 / (1.0 + 0.4 * a);
     let p = 0.232_260_8;
     let p = p * t - 1.076_294_7;
@@ -82,8 +87,7 @@ fn beckmann_gain(a: f32) -> f32 {
     let p = p * t + 0.177_394_84;
     let p = p * t + 0.078_679_64;
     let p = p * t + 3.934_807e-5;
-    let p = p * t - 1.960_791e-7;
-    p * math::exp(-a * a)
+    p * t - 1.960_791e-7
 }
 
 fn beckmann_gain_f64(a: f64) -> f64 {
