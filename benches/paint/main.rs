@@ -2,7 +2,8 @@
 //!
 //! Run with `cargo bench --bench paint`. One line per case: `case=reshade-dab threads=2 samples=2 ms_min=… ms_median=… ms_p99=…`.
 //! `map` is the change of the map and of its levels, `reshade` the picture after it, `dab` both; `light` lights the whole
-//! picture anew and `everything` draws it anew. After every dab the picture is held against one drawn anew, out of the time.
+//! picture anew and `everything` draws it anew. The picture is held against one drawn anew after all dabs, and after every one
+//! of as many again that are not timed.
 //!
 //! `brush-r64` and `brush-r256` are one soft dab of four channels on a map, without the preview; `stroke-r64` is one more point
 //! of a long live stroke. `strokes-100k` opens a layer of 100,000 strokes of radius 10 and length 80 texels at 2048x2048, once
@@ -12,6 +13,8 @@
 //!
 //! Words after `--` choose cases by the beginnings of their names.
 
+#[path = "../common/mod.rs"]
+mod common;
 mod studio;
 
 use anisomap::map::{AnisoMap, Rect, Size, Texel, Wrap};
@@ -22,9 +25,9 @@ use anisomap::pattern::Surface;
 use anisomap::preview::{Frame, Look, Material, Prepared, Redrawn, Scene, Timings};
 use anisomap::progress::Progress;
 use anisomap::recipe::{Files, Layer, Recipe, RecipeFile, Source};
+use common::{is_wanted, milliseconds};
 use glam::Vec2;
 use std::sync::Arc;
-use std::time::Instant;
 
 const MAP_SIDE: u32 = 4096;
 const PICTURE_SIDE: u32 = 1024;
@@ -61,20 +64,6 @@ fn dab(prepared: &mut Prepared<'_>, rect: Rect, round: u32) {
         }
         map.write_region(&region);
     });
-}
-
-fn milliseconds<T>(work: impl FnOnce() -> T) -> (f64, T) {
-    let start = Instant::now();
-    let done = work();
-    (start.elapsed().as_secs_f64() * 1e3, done)
-}
-
-fn is_wanted(name: &str) -> bool {
-    let mut words = std::env::args()
-        .skip(1)
-        .filter(|a| !a.starts_with('-'))
-        .peekable();
-    words.peek().is_none() || words.any(|w| name.starts_with(&w))
 }
 
 fn report(name: &str, threads: usize, samples: u32, mut times: Vec<f64>) {
@@ -126,29 +115,31 @@ fn run(threads: usize, samples: u32, map: &AnisoMap) {
         0,
     );
     draw(&mut frame, &prepared, &scene);
+    // In the part of the map that is seen, from the outer rim over the top.
+    let rect = |round: u32| Rect {
+        x: (256 * (round % 8) + 3072 * u32::from(round % 2 == 1)) % (MAP_SIDE - DAB),
+        y: 1024 + 32 * round,
+        width: DAB,
+        height: DAB,
+    };
     for round in 0..ROUNDS {
-        // In the part of the map that is seen, from the outer rim over the top.
-        let rect = Rect {
-            x: 256 * (round % 8) + 3072 * u32::from(round % 2 == 1),
-            y: 1024 + 32 * round,
-            width: DAB,
-            height: DAB,
-        };
-        let rect = Rect {
-            x: rect.x % (MAP_SIDE - DAB),
-            ..rect
-        };
-        let (map_time, ()) = milliseconds(|| dab(&mut prepared, rect, round));
+        let (map_time, ()) = milliseconds(|| dab(&mut prepared, rect(round), round));
         let (time, redrawn) = draw(&mut frame, &prepared, &scene);
         assert!(matches!(redrawn, Redrawn::Tiles(_)), "{redrawn:?}");
         maps.push(map_time);
         reshades.push(time);
         dabs.push(map_time + time);
-        if round % 8 == 0 {
-            anew.resize(Size::new(1, 1).expect("a size"));
-            anew.resize(size);
-            everything.push(draw(&mut anew, &prepared, &scene).0);
-            assert!(frame.picture() == anew.picture(), "a dab is a full redraw");
+    }
+    // The same dabs once more, turned by other angles. A full redraw between two dabs that are timed would have the second
+    // one find nothing of the first in the caches.
+    for round in 0..=ROUNDS {
+        anew.resize(Size::new(1, 1).expect("a size"));
+        anew.resize(size);
+        everything.push(draw(&mut anew, &prepared, &scene).0);
+        assert!(frame.picture() == anew.picture(), "a dab is a full redraw");
+        if round < ROUNDS {
+            dab(&mut prepared, rect(round), round + ROUNDS);
+            draw(&mut frame, &prepared, &scene);
         }
     }
     for round in 0..8 {

@@ -7,7 +7,7 @@
 //! - `document`: ten layers at 4096x4096, each half of them painted on: bytes that are held.
 //! - `open-many`, `undo-many`, `redo-many`: a document of 100,000 strokes.
 
-use super::{is_wanted, milliseconds};
+use super::common::{is_wanted, milliseconds};
 use anisomap::map::Size;
 use anisomap::paint::{Brush, Groove, Point, Stroke, Strokes, Tool};
 use anisomap::recipe::{Layer, Recipe, RecipeFile, Source};
