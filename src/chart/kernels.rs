@@ -1,4 +1,5 @@
-//! What one evaluation of a model costs and how far it is from f64: models, forms, exponentials, storage of the texels.
+//! What one evaluation of a model costs and how far it is from f64: models, forms, exponentials, storage of the texels, each with
+//! each where it means something. GGX has no exponential; Phong and Blinn-Phong have a power in place of one, and no direction.
 //!
 //! The points are 32768 pairs of light and view, each with a texel of its own, as a picture meets them: alpha_x 0.05 to 0.15,
 //! alpha_y 0.2 to 0.5, any direction, light near the mirrored view. Directions are f32; texels are made in f64 and rounded once
@@ -7,8 +8,11 @@
 //! since whatever else the machine does only adds to it.
 
 use super::forms::{
-    self, BitTrick, Bounded, Degree, Directions, Duer, Exact, Exponential, Family, HalfVector, Libm,
+    self, Angle, AngleLibm, Beckmann, BitTrick, BlinnPhong, Bounded, Degree, Directed, Directions,
+    DoubleAngle, Duer, Exact, Exponent, Exponential, Factor, Form, Ggx, HalfVector, Libm, Phong,
+    Power, Precision, Prepared, Printed, Reciprocal, Reflection, TextbookAngles, TextbookPower,
 };
+use crate::analyse::limits::SPECULAR;
 use crate::brdf::kernel::{self, Batch};
 use crate::brdf::{Model, shade_f64};
 use crate::convention::storage::{
@@ -26,6 +30,7 @@ use half::slice::HalfFloatSliceExt;
 use serde::Serialize;
 use std::f64::consts::PI;
 use std::hint::black_box;
+use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 /// Points that are evaluated in a round.
@@ -59,6 +64,14 @@ pub struct KernelRow {
     pub max_rel: f64,
     /// Mean error relative to f64.
     pub mean_rel: f64,
+}
+
+impl KernelRow {
+    /// Whether it is the program's own kernel, at whatever level, on texels that are ready for it.
+    pub(super) fn is_own(&self) -> bool {
+        let model: Result<Model> = self.model.parse();
+        self.form == Prepared::NAME && model.is_ok_and(|m| self.exp == own_exponential(m))
+    }
 }
 
 /// How long each case is measured.
@@ -146,11 +159,11 @@ impl Points {
         ([0, 1, 2].map(d), [3, 4, 5].map(d))
     }
 
-    /// A number of every texel, made in f64 and rounded once.
-    fn numbers<const T: usize>(&self, of: impl Fn(DVec2, f64) -> [f64; T]) -> [Vec<f32>; T] {
-        let mut lists = [const { Vec::new() }; T];
+    /// The numbers of every texel in a form, made in f64 and rounded once.
+    fn numbers<const N: usize, F: Form<N>>(&self) -> [Vec<f32>; N] {
+        let mut lists = [const { Vec::new() }; N];
         for &(alpha, theta) in &self.texels {
-            for (list, x) in lists.iter_mut().zip(of(alpha, theta)) {
+            for (list, x) in lists.iter_mut().zip(F::numbers(alpha, theta)) {
                 list.push(x as f32);
             }
         }
@@ -174,42 +187,12 @@ impl Points {
     }
 }
 
-/// The numbers that each form takes of a texel.
-struct Lists {
-    angle: [Vec<f32>; 3],
-    double: [Vec<f32>; 4],
-    prepared: [Vec<f32>; 4],
-    factor: [Vec<f32>; 5],
-    precision: [Vec<f32>; 4],
-}
-
-impl Lists {
-    fn new(points: &Points) -> Self {
-        Self {
-            angle: points.numbers(|a, t| [a.x, a.y, t]),
-            double: points.numbers(|a, t| [a.x, a.y, (2.0 * t).cos(), (2.0 * t).sin()]),
-            prepared: points.numbers(|a, t| [t.cos(), t.sin(), 1.0 / a.x, 1.0 / a.y]),
-            factor: points.numbers(|a, t| {
-                let (s, c) = t.sin_cos();
-                [c / a.x, s / a.x, -s / a.y, c / a.y, 1.0 / (a.x * a.y)]
-            }),
-            precision: points.numbers(|a, t| {
-                let (s, c) = t.sin_cos();
-                let (x, y) = (1.0 / (a.x * a.x), 1.0 / (a.y * a.y));
-                [
-                    c * c * x + s * s * y,
-                    c * s * (x - y),
-                    s * s * x + c * c * y,
-                    1.0 / (a.x * a.y),
-                ]
-            }),
-        }
-    }
-}
-
 fn slices<const T: usize>(lists: &[Vec<f32>; T]) -> [&[f32]; T] {
     lists.each_ref().map(Vec::as_slice)
 }
+
+/// The numbers of a form, a list for each.
+type Numbers<const N: usize> = Rc<[Vec<f32>; N]>;
 
 /// Writes the value at every point.
 type Run<'a> = Box<dyn Fn(&mut [f32]) + 'a>;
@@ -228,95 +211,109 @@ struct Case<'a> {
 /// Collects cases.
 struct Cases<'a> {
     points: &'a Points,
-    lists: &'a Lists,
+    /// The numbers of [`Prepared`], which the program's own kernels take.
+    lobe: &'a [Vec<f32>; 4],
     best: (&'static str, Level),
     all: Vec<Case<'a>>,
 }
 
+/// What a chart calls the exponential of the program's own kernel of a model.
+fn own_exponential(model: Model) -> &'static str {
+    match kernel::exp_degree(model) {
+        None => "none",
+        Some(kernel::EXP_DEGREE) => Degree::<5>::NAME,
+        Some(_) => "degree 7",
+    }
+}
+
 impl<'a> Cases<'a> {
-    fn add(
-        &mut self,
-        (model, form, exp): (Model, &'static str, &'static str),
-        numbers: usize,
-        level: &'static str,
-        run: impl Fn(&mut [f32]) + 'a,
-    ) {
+    /// The cases of a form of a model, one for each exponential, the program's own left out. They share the form's numbers.
+    fn form<const N: usize, F, R>(&mut self)
+    where
+        F: Form<N> + 'a,
+        R: Reflection<F::Texel> + 'a,
+    {
+        let numbers: Numbers<N> = Rc::new(self.points.numbers::<N, F>());
+        if F::SCALAR {
+            self.add::<N, F, R, Libm>(&numbers);
+        } else if own_exponential(R::MODEL) == "none" {
+            // Whichever it is, it is not called.
+            self.add::<N, F, R, Degree<5>>(&numbers);
+        } else {
+            self.add::<N, F, R, BitTrick>(&numbers);
+            self.add::<N, F, R, Degree<2>>(&numbers);
+            self.add::<N, F, R, Degree<3>>(&numbers);
+            self.add::<N, F, R, Degree<4>>(&numbers);
+            self.add::<N, F, R, Degree<5>>(&numbers);
+            self.add::<N, F, R, Libm>(&numbers);
+        }
+    }
+
+    fn add<const N: usize, F, R, E>(&mut self, numbers: &Numbers<N>)
+    where
+        F: Form<N> + 'a,
+        R: Reflection<F::Texel> + 'a,
+        E: Exponential + 'a,
+    {
+        let own = own_exponential(R::MODEL);
+        let exp = if own == "none" { own } else { E::NAME };
+        if F::NAME == Prepared::NAME && exp == own {
+            return;
+        }
+        let (name, level) = if F::SCALAR {
+            ("scalar", Level::baseline())
+        } else {
+            self.best
+        };
+        let (directions, numbers) = (self.points.directions(), Rc::clone(numbers));
         self.all.push(Case {
-            model,
-            form,
+            model: R::MODEL,
+            form: F::NAME,
             exp,
             storage: "f32".into(),
-            bytes: 4 * numbers,
-            level,
-            run: Box::new(run),
+            bytes: 4 * N,
+            level: name,
+            run: Box::new(move |out| {
+                forms::evaluate::<N, F, R, E>(level, directions, slices(&numbers), out);
+            }),
         });
     }
 
-    /// Forms that are written with calls, one point after the other.
-    fn scalar(&mut self) {
-        let (d, texel) = (self.points.directions(), slices(&self.lists.angle));
-        let name = |form| (Model::WardExact, form, Libm::NAME);
-        self.add(name("textbook angles"), 3, "scalar", move |out| {
-            forms::textbook(d, texel, out);
-        });
-        self.add(name("angle, scalar"), 3, "scalar", move |out| {
-            forms::angle_libm(d, texel, out);
-        });
+    /// Every form of a model with a direction but the textbook's.
+    fn directed<R: Directed + 'a>(&mut self) {
+        self.form::<3, AngleLibm, R>();
+        self.form::<3, Angle, R>();
+        self.form::<4, DoubleAngle, R>();
+        self.form::<4, Prepared, R>();
+        self.form::<5, Factor, R>();
+        self.form::<4, Precision, R>();
     }
 
-    /// Every form of exact Ward with one exponential.
-    fn exact_forms<E: Exponential>(&mut self) {
-        let (d, lists, (name, level)) = (self.points.directions(), self.lists, self.best);
-        let what = |form| (Model::WardExact, form, E::NAME);
-        let texel = slices(&lists.angle);
-        self.add(what("angle"), 3, name, move |out| {
-            forms::angle::<E>(level, d, texel, out);
-        });
-        let texel = slices(&lists.double);
-        self.add(what("double angle"), 4, name, move |out| {
-            forms::double_angle::<E>(level, d, texel, out);
-        });
-        let texel = slices(&lists.factor);
-        self.add(what("W factor"), 5, name, move |out| {
-            forms::factor::<E>(level, d, texel, out);
-        });
-        let texel = slices(&lists.precision);
-        self.add(what("matrix M"), 4, name, move |out| {
-            forms::precision::<E>(level, d, texel, out);
-        });
-    }
-
-    /// A model on prepared texels with one exponential.
-    fn prepared<F: Family, E: Exponential>(&mut self) {
-        let (d, (name, level)) = (self.points.directions(), self.best);
-        let texel = slices(&self.lists.prepared);
-        self.add((F::MODEL, "prepared", E::NAME), 4, name, move |out| {
-            forms::prepared::<F, E>(level, d, texel, out);
-        });
-    }
-
-    fn family<F: Family>(&mut self) {
-        self.prepared::<F, BitTrick>();
-        self.prepared::<F, Degree<2>>();
-        self.prepared::<F, Degree<3>>();
-        self.prepared::<F, Degree<4>>();
-        self.prepared::<F, Libm>();
+    /// Every form of a model without one.
+    fn round<R>(&mut self)
+    where
+        R: Reflection<Reciprocal> + Reflection<Exponent> + Reflection<Printed> + 'a,
+    {
+        self.form::<1, TextbookPower, R>();
+        self.form::<4, Prepared, R>();
+        self.form::<1, Power, R>();
     }
 
     /// The program's own kernels at every CPU level.
     fn own(&mut self) {
         let (light, view) = self.points.directions();
-        let lobe = slices(&self.lists.prepared);
+        let lobe = slices(self.lobe);
         let batch = Batch { light, view, lobe };
-        for model in Model::ALL.into_iter().filter(|m| *m != Model::Lambert) {
-            let exp = match model {
-                Model::Ggx => "none",
-                Model::Ward | Model::WardExact | Model::WardDuer | Model::WardBounded => "degree 5",
-                _ => "degree 7",
-            };
+        for model in SPECULAR {
             for (name, level) in math::levels() {
-                self.add((model, "prepared", exp), 4, name, move |out| {
-                    kernel::shade(level, model, &batch, out);
+                self.all.push(Case {
+                    model,
+                    form: Prepared::NAME,
+                    exp: own_exponential(model),
+                    storage: "f32".into(),
+                    bytes: 16,
+                    level: name,
+                    run: Box::new(move |out| kernel::shade(level, model, &batch, out)),
                 });
             }
         }
@@ -330,11 +327,7 @@ impl<'a> Cases<'a> {
         self.all.push(Case {
             model,
             form: "decoded",
-            exp: if model == Model::Ggx {
-                "none"
-            } else {
-                "degree 5"
-            },
+            exp: own_exponential(model),
             storage: storage.to_string(),
             bytes: storage.bytes_per_texel(),
             level: name,
@@ -436,8 +429,15 @@ fn plain(codes: &Codes, start: usize, out: &mut [f32]) {
     }
 }
 
-/// Every storage that is worth a look: integers in each encoding, floats as they are.
-pub(super) fn storages() -> Vec<Storage> {
+/// Every storage that is worth a look for a model: integers in each encoding, floats as they are; how the direction is stored only
+/// where the model asks for it.
+fn storages(model: Model) -> Vec<Storage> {
+    let has_direction = !matches!(model, Model::Phong | Model::BlinnPhong);
+    let axes = if has_direction {
+        &AxisEncoding::ALL[..]
+    } else {
+        &[AxisEncoding::Double]
+    };
     let mut all = Vec::new();
     for depth in Depth::ALL {
         let encodings = if depth.top().is_some() {
@@ -446,7 +446,7 @@ pub(super) fn storages() -> Vec<Storage> {
             &[WidthEncoding::Linear]
         };
         for &encoding in encodings {
-            for axis in AxisEncoding::ALL {
+            for &axis in axes {
                 all.push(Storage {
                     widths: WidthStorage::new(depth, encoding),
                     axis: AxisStorage::new(depth, axis),
@@ -463,28 +463,31 @@ pub(super) fn storages() -> Vec<Storage> {
 /// When `progress` cancels.
 pub(super) fn measure(effort: Effort, progress: &Progress<'_>) -> Result<Vec<KernelRow>> {
     let points = Points::new();
-    let lists = Lists::new(&points);
+    let lobe = points.numbers::<4, Prepared>();
     let levels = math::levels();
     let mut cases = Cases {
         points: &points,
-        lists: &lists,
+        lobe: &lobe,
         best: levels[levels.len() - 1],
         all: Vec::new(),
     };
-    cases.scalar();
-    cases.exact_forms::<BitTrick>();
-    cases.exact_forms::<Degree<2>>();
-    cases.exact_forms::<Degree<3>>();
-    cases.exact_forms::<Degree<4>>();
-    cases.exact_forms::<Degree<5>>();
-    cases.exact_forms::<Libm>();
-    cases.family::<HalfVector>();
-    cases.family::<Exact>();
-    cases.family::<Duer>();
-    cases.family::<Bounded>();
+    // Ward's half-vector form is printed without angles.
+    cases.form::<3, TextbookAngles, Exact>();
+    cases.form::<3, TextbookAngles, Duer>();
+    cases.form::<3, TextbookAngles, Bounded>();
+    cases.form::<3, TextbookAngles, Beckmann>();
+    cases.form::<3, TextbookAngles, Ggx>();
+    cases.directed::<HalfVector>();
+    cases.directed::<Exact>();
+    cases.directed::<Duer>();
+    cases.directed::<Bounded>();
+    cases.directed::<Beckmann>();
+    cases.directed::<Ggx>();
+    cases.round::<Phong>();
+    cases.round::<BlinnPhong>();
     cases.own();
-    for storage in storages() {
-        for model in [Model::Ward, Model::WardExact, Model::Ggx] {
+    for model in SPECULAR {
+        for storage in storages(model) {
             cases.stored(model, storage);
         }
     }
@@ -529,6 +532,7 @@ fn time(effort: Effort, mut run: impl FnMut()) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::HashSet;
 
     #[test]
     fn every_form_gives_the_model_and_its_error_is_that_of_its_parts() {
@@ -537,20 +541,40 @@ mod tests {
             time: Duration::ZERO,
         };
         let rows = measure(effort, &Progress::none()).unwrap();
-        assert!(rows.len() > 120, "{}", rows.len());
+        assert!(rows.len() > 350, "{}", rows.len());
+        // Every model in every form, exponential and storage that means something to it.
+        for model in SPECULAR {
+            let of = |what: fn(&KernelRow) -> &str| -> HashSet<&str> {
+                let own = rows.iter().filter(|r| r.model == model.name());
+                own.map(what).collect()
+            };
+            let (forms, exps, storages) = (of(|r| r.form), of(|r| r.exp), of(|r| &r.storage));
+            let (form, exp, storage) = match model {
+                Model::Phong | Model::BlinnPhong => (4, 7, 8),
+                Model::Ggx => (8, 1, 24),
+                Model::Beckmann => (8, 7, 24),
+                Model::Ward => (7, 6, 24),
+                _ => (8, 6, 24),
+            };
+            assert_eq!(forms.len(), form, "{model}: {forms:?}");
+            assert_eq!(exps.len(), exp, "{model}: {exps:?}");
+            assert_eq!(storages.len(), storage, "{model}: {storages:?}");
+        }
         for row in &rows {
             let name = format!("{row:?}");
             assert!(row.ns_min > 0.0 && row.ns_median >= row.ns_min, "{name}");
             assert!(row.mean_rel > 0.0 && row.max_rel > row.mean_rel, "{name}");
+            // Beckmann's shadowing takes the exponential too.
+            let times = if row.model == "beckmann" { 2.0 } else { 1.0 };
             let stated = match (row.form, row.exp, row.storage.as_str()) {
                 ("decoded", _, storage) if storage.starts_with("u8") => 10.0,
                 ("decoded", _, storage) if storage.starts_with("f16") => 0.2,
                 ("decoded", _, storage) if storage.starts_with("u16") => 0.02,
                 ("textbook angles", ..) => 2e-4,
-                (_, "bit trick", _) => 0.031,
-                (_, "degree 2", _) => 1.8e-3,
-                (_, "degree 3", _) => 1.2e-4,
-                ("matrix M", ..) => 5e-5,
+                (_, "bit trick", _) => 0.031 * times,
+                (_, "degree 2", _) => 1.8e-3 * times,
+                (_, "degree 3", _) => 1.2e-4 * times,
+                ("matrix M", ..) => 5e-5 * times,
                 _ if row.model == "beckmann" => 1e-4,
                 _ => 2e-5,
             };

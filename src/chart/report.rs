@@ -5,6 +5,8 @@ use super::machine::Machine;
 use super::pictures::{self, Keep, PictureRow};
 use super::scatter::{Mark, Scatter, three_digits};
 use crate::analyse::Flip;
+use crate::analyse::limits::SPECULAR;
+use crate::brdf::Model;
 use crate::error::{Error, Result};
 use crate::export::png::{write_grey16, write_picture};
 use crate::export::{Written, write_atomic};
@@ -287,6 +289,7 @@ fn kernel_chart(
     (name.to_owned(), chart)
 }
 
+/// Of every model the forms with their exponentials and the storages; and the exponentials of all models side by side.
 fn kernel_charts(measured: &Measured) -> Vec<Chart> {
     let machine = measured.machine.line();
     let rows = |wanted: &dyn Fn(&KernelRow) -> bool| -> Vec<&KernelRow> {
@@ -295,15 +298,27 @@ fn kernel_charts(measured: &Measured) -> Vec<Chart> {
     let best = crate::math::levels()
         .last()
         .map_or("baseline", |(name, _)| name);
-    let exact = rows(&|r| r.model == "ward-exact" && r.form != "decoded");
     let models = rows(&|r| r.form == "prepared" && r.level == best);
-    let stored = rows(&|r| r.model == "ward-exact" && r.form == "decoded");
-    vec![
-        kernel_chart(
-            "kernels-forms.svg",
-            "One evaluation of exact Ward: forms and exponentials",
+    let mut charts = vec![kernel_chart(
+        "kernels-models.svg",
+        "One evaluation of each model: exponentials",
+        format!("{machine}; prepared f32 texels, vector loops at {best}"),
+        &models,
+        |r| {
+            // The two without a direction share a shape.
+            let word = match r.model {
+                "phong" | "blinn-phong" => "phong, blinn-phong",
+                model => model,
+            };
+            (word.to_owned(), format!("{}, {}", r.model, r.exp))
+        },
+    )];
+    for model in SPECULAR.map(Model::name) {
+        charts.push(kernel_chart(
+            &format!("kernels-forms-{model}.svg"),
+            &format!("One evaluation of {model}: forms and exponentials"),
             format!("{machine}; f32 texels, vector loops at {best} unless another level is named"),
-            &exact,
+            &rows(&|r| r.model == model && r.form != "decoded"),
             |r| {
                 let level = match r.level {
                     level if level == best || level == "scalar" => String::new(),
@@ -311,32 +326,21 @@ fn kernel_charts(measured: &Measured) -> Vec<Chart> {
                 };
                 (r.form.to_owned(), format!("{}, {}{level}", r.form, r.exp))
             },
-        ),
-        kernel_chart(
-            "kernels-models.svg",
-            "One evaluation of each model: exponentials",
-            format!("{machine}; prepared f32 texels, vector loops at {best}"),
-            &models,
-            |r| {
-                let word = if r.model.starts_with("ward") {
-                    r.model
-                } else {
-                    "other models"
-                };
-                (word.to_owned(), format!("{}, {}", r.model, r.exp))
-            },
-        ),
-        kernel_chart(
-            "kernels-storage.svg",
-            "One evaluation of exact Ward: storage of the texel, decoded before it",
+        ));
+    }
+    for model in SPECULAR.map(Model::name) {
+        charts.push(kernel_chart(
+            &format!("kernels-storage-{model}.svg"),
+            &format!("One evaluation of {model}: storage of the texel, decoded before it"),
             format!("{machine}; vector loops at {best}; bytes of a texel after its storage"),
-            &stored,
+            &rows(&|r| r.model == model && r.form == "decoded"),
             |r| {
                 let name = format!("{}, {} B", r.storage, r.bytes);
                 (depth(&r.storage).to_owned(), name)
             },
-        ),
-    ]
+        ));
+    }
+    charts
 }
 
 fn picture_charts(measured: &Measured) -> Vec<Chart> {
@@ -359,7 +363,7 @@ fn picture_charts(measured: &Measured) -> Vec<Chart> {
                     "A picture of the {scene}: what each way to draw it costs, and its error"
                 ),
                 subtitle: format!(
-                    "{}; error from the reference picture; each way is the base with the one change that it is named for",
+                    "{}; error from the reference picture; each way is the base with one change; storages are decoded before the frame",
                     measured.machine.line()
                 ),
                 x: ("milliseconds per frame, all threads", "ms"),
@@ -466,9 +470,7 @@ fn level_table(rows: &[KernelRow]) -> String {
         .into_iter()
         .map(|(name, _)| name)
         .collect();
-    let own = |r: &&KernelRow| {
-        r.form == "prepared" && (r.exp == "degree 5" || !r.model.starts_with("ward"))
-    };
+    let own = |r: &&KernelRow| r.is_own();
     let mut text = String::from(
         "\n## The program's own kernels at each CPU level\n\nNanoseconds per evaluation, one thread; every level gives the \
          same bits.\n\n| model |",
