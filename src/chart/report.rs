@@ -289,6 +289,14 @@ fn kernel_chart(
     (name.to_owned(), chart)
 }
 
+/// Words, and the exponential where there is one.
+fn with_exponential(words: &str, row: &KernelRow) -> String {
+    match row.exp {
+        "none" => words.to_owned(),
+        exp => format!("{words}, {exp}"),
+    }
+}
+
 /// Of every model the forms with their exponentials and the storages; and the exponentials of all models side by side.
 fn kernel_charts(measured: &Measured) -> Vec<Chart> {
     let machine = measured.machine.line();
@@ -310,21 +318,26 @@ fn kernel_charts(measured: &Measured) -> Vec<Chart> {
                 "phong" | "blinn-phong" => "phong, blinn-phong",
                 model => model,
             };
-            (word.to_owned(), format!("{}, {}", r.model, r.exp))
+            (word.to_owned(), with_exponential(r.model, r))
         },
     )];
     for model in SPECULAR.map(Model::name) {
+        let forms = rows(&|r| r.model == model && r.form != "decoded");
         charts.push(kernel_chart(
             &format!("kernels-forms-{model}.svg"),
-            &format!("One evaluation of {model}: forms and exponentials"),
+            &if forms.iter().all(|r| r.exp == "none") {
+                format!("One evaluation of {model}: forms")
+            } else {
+                format!("One evaluation of {model}: forms and exponentials")
+            },
             format!("{machine}; f32 texels, vector loops at {best} unless another level is named"),
-            &rows(&|r| r.model == model && r.form != "decoded"),
+            &forms,
             |r| {
                 let level = match r.level {
                     level if level == best || level == "scalar" => String::new(),
                     level => format!(", {level}"),
                 };
-                (r.form.to_owned(), format!("{}, {}{level}", r.form, r.exp))
+                (r.form.to_owned(), with_exponential(r.form, r) + &level)
             },
         ));
     }
