@@ -1,8 +1,8 @@
-//! Puts the commit that the program is built from into it, for the numbers that `chart` measures: `ANISOMAP_COMMIT`.
+//! Puts the commit that the program is built from into it, for the numbers that `chart` measures.
 //!
 //! Twelve digits, with `-dirty` where what the program is made of differs from the commit, and `unknown` where there is no
 //! git or no repository of this package's own (a tarball inside of somebody's repository is not that repository's). Whoever
-//! builds elsewhere from a known commit may say which, in a variable of the same name.
+//! builds elsewhere from a known commit may say which in the variable `ANISOMAP_COMMIT`.
 
 use std::path::Path;
 use std::process::Command;
@@ -21,7 +21,7 @@ fn main() {
     } else {
         stated
     };
-    println!("cargo::rustc-env=ANISOMAP_COMMIT={commit}");
+    println!("cargo::rustc-env=ANISOMAP_BUILT_FROM={commit}");
 }
 
 /// The commit of this checkout; none without git.

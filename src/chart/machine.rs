@@ -37,7 +37,7 @@ impl Machine {
             simd: simd.map_or("baseline", |(name, _)| name).to_owned(),
             system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            commit: env!("ANISOMAP_COMMIT"),
+            commit: env!("ANISOMAP_BUILT_FROM"),
             build: if cfg!(debug_assertions) {
                 "debug"
             } else {
