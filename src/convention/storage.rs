@@ -206,6 +206,28 @@ impl WidthStorage {
         self.low >= from && self.high > self.low && self.high <= 1e6
     }
 
+    /// A plane of widths as it is stored, one number each.
+    pub fn pack(&self, widths: &[f32]) -> Codes {
+        let codec = self.codec();
+        codes(self.depth, 1, widths.len(), |i| {
+            [codec.encode(widths[i]), 0.0]
+        })
+    }
+
+    /// The plane that a reader gets of it.
+    ///
+    /// # Panics
+    /// When there are fewer numbers than `widths` is long.
+    pub fn unpack(&self, codes: &Codes, widths: &mut [f32]) {
+        let codec = self.codec();
+        let bands = widths.par_chunks_mut(BAND_TEXELS).enumerate();
+        bands.for_each(|(band, widths)| {
+            for (j, width) in widths.iter_mut().enumerate() {
+                *width = codec.decode(codes.number(band * BAND_TEXELS + j));
+            }
+        });
+    }
+
     /// The arithmetic of it, worked out once.
     pub fn codec(&self) -> WidthCodec {
         let Some(top) = self.depth.top() else {
@@ -306,6 +328,34 @@ impl AxisStorage {
     /// An axis stored so.
     pub fn new(depth: Depth, encoding: AxisEncoding) -> Self {
         Self { depth, encoding }
+    }
+
+    /// Axes as they are stored, one or two numbers each, from planes of cos 2θ and sin 2θ.
+    ///
+    /// # Panics
+    /// When `sin2` is shorter than `cos2`.
+    pub fn pack(&self, cos2: &[f32], sin2: &[f32]) -> Codes {
+        let codec = self.codec();
+        codes(self.depth, self.encoding.numbers(), cos2.len(), |i| {
+            codec.encode(cos2[i], sin2[i])
+        })
+    }
+
+    /// The planes that a reader gets of them.
+    ///
+    /// # Panics
+    /// When there are fewer numbers than the planes hold axes.
+    pub fn unpack(&self, codes: &Codes, cos2: &mut [f32], sin2: &mut [f32]) {
+        let (codec, numbers) = (self.codec(), self.encoding.numbers());
+        let bands = cos2
+            .par_chunks_mut(BAND_TEXELS)
+            .zip(sin2.par_chunks_mut(BAND_TEXELS));
+        bands.enumerate().for_each(|(band, (cos2, sin2))| {
+            for (j, (c, s)) in cos2.iter_mut().zip(sin2).enumerate() {
+                let i = numbers * (band * BAND_TEXELS + j);
+                (*c, *s) = codec.decode([codes.number(i), codes.number(i + numbers - 1)]);
+            }
+        });
     }
 
     /// The arithmetic of it, worked out once.
@@ -458,19 +508,16 @@ impl Storage {
 
     /// The map as it is stored.
     pub fn pack(&self, map: &AnisoMap) -> Packed {
-        let (widths, axis) = (self.widths.codec(), self.axis.codec());
-        let numbers = self.axis.encoding.numbers();
+        let widths = self.widths.codec();
         Packed {
             storage: *self,
-            widths: codes(self.widths.depth, 2, map, |i| {
+            widths: codes(self.widths.depth, 2, map.size().texels(), |i| {
                 [
                     widths.encode(map.alpha_x()[i]),
                     widths.encode(map.alpha_y()[i]),
                 ]
             }),
-            axis: codes(self.axis.depth, numbers, map, |i| {
-                axis.encode(map.cos2()[i], map.sin2()[i])
-            }),
+            axis: self.axis.pack(map.cos2(), map.sin2()),
         }
     }
 
@@ -579,10 +626,9 @@ impl Packed {
 fn codes(
     depth: Depth,
     numbers: usize,
-    map: &AnisoMap,
+    texels: usize,
     of: impl Fn(usize) -> [f32; 2] + Sync,
 ) -> Codes {
-    let texels = map.size().texels();
     // Codes are whole numbers inside their range.
     match depth {
         Depth::U8 => Codes::U8(fill(texels, numbers, |i| of(i).map(|x| x as u8))),
@@ -892,6 +938,22 @@ mod tests {
         ] {
             let e = word.parse::<Storage>().unwrap_err().to_string();
             assert!(e.contains(&format!("`{word}`")) && e.contains(hint), "{e}");
+        }
+    }
+
+    #[test]
+    fn planes_alone_come_back_as_those_of_a_whole_map() {
+        let map = sweep(0.004, 1.2);
+        for storage in every() {
+            let whole = storage.quantise(&map);
+            let n = map.size().texels();
+            let (mut widths, mut cos2, mut sin2) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+            let codes = storage.widths.pack(map.alpha_y());
+            storage.widths.unpack(&codes, &mut widths);
+            let codes = storage.axis.pack(map.cos2(), map.sin2());
+            storage.axis.unpack(&codes, &mut cos2, &mut sin2);
+            assert_eq!(widths, whole.alpha_y(), "{storage}");
+            assert_eq!((&*cos2, &*sin2), (whole.cos2(), whole.sin2()), "{storage}");
         }
     }
 
