@@ -52,6 +52,8 @@ pub enum Content {
     Direction,
     /// A glTF material.
     Gltf,
+    /// One width, or the axis, of a reduced map: the file's channels say which, and the recipe beside it where they belong.
+    Part,
 }
 
 /// What the numbers of a file mean. Written in full for people; read back only for what a program needs, and anything that
@@ -130,10 +132,11 @@ impl MapRecord {
         let alpha = match content {
             Content::Map => format!("alpha.X, alpha.Y: {ALPHA}"),
             Content::Alpha => format!("R = alpha_x, G = alpha_y: {ALPHA}; B = 0"),
+            Content::Part => format!("alpha.X, alpha.Y, or alpha for both: {ALPHA}"),
             Content::Direction | Content::Gltf => String::new(),
         };
         let axis = match content {
-            Content::Map => {
+            Content::Map | Content::Part => {
                 format!("axis.X = cos(2 theta), axis.Y = sin(2 theta); theta = {ANGLE}")
             }
             Content::Direction => format!(

@@ -134,6 +134,39 @@ pub fn write_rgb_pair_with(
     Ok([alpha, direction])
 }
 
+/// Writes one width or the axis of a reduced map: a channel of its own for each plane, `record` beside them.
+/// [`crate::import::codes::read_codes`] reads it.
+///
+/// # Errors
+/// [`crate::Error::Write`]; see [`write_atomic`].
+///
+/// # Panics
+/// When a plane has not as many numbers as `size`, or the channels' names are no ASCII in the order of the alphabet.
+pub fn write_part(
+    path: &Path,
+    size: Size,
+    channels: &[(&str, &[f32])],
+    record: MapRecord,
+    precision: Precision,
+) -> Result<Written> {
+    assert!(channels.is_sorted_by(|a, b| a.0 < b.0), "in order");
+    assert!(channels.iter().all(|c| c.1.len() == size.texels()), "whole");
+    let names: Vec<&str> = channels.iter().map(|(name, _)| *name).collect();
+    let image = Image {
+        size,
+        channels: &names,
+        precision,
+        record,
+    };
+    let width = size.width() as usize;
+    image.write(path, &Progress::none(), |y, rows| {
+        let start = y as usize * width;
+        for (row, (_, plane)) in rows.iter_mut().zip(channels) {
+            row.copy_from_slice(&plane[start..start + width]);
+        }
+    })
+}
+
 /// A file to be written.
 struct Image<'a> {
     size: Size,

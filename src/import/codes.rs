@@ -1,6 +1,7 @@
-//! A PNG of stored numbers, read as they are: no colour, no gamma, no profile.
+//! A PNG of stored numbers, or an OpenEXR file of floats, read as they are: no colour, no gamma, no profile.
 
-use super::numbers::decode;
+use super::exr;
+use super::numbers::{EXR, decode};
 use crate::convention::storage::Codes;
 use crate::error::{Error, Result};
 use crate::map::Size;
@@ -9,6 +10,9 @@ use image::codecs::png::PngDecoder;
 use std::io::Cursor;
 use std::path::Path;
 
+/// The largest float that is taken for a width or a part of an axis, of either sign.
+const LARGEST: f32 = 1e6;
+
 /// The numbers of a picture, texel by texel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
@@ -16,16 +20,21 @@ pub struct Picture {
     pub size: Size,
     /// How many numbers a texel has, 1 or 2.
     pub numbers: usize,
-    /// 8- or 16-bit codes in row order, top row first.
+    /// 8- or 16-bit codes, or floats, in row order, top row first.
     pub codes: Codes,
 }
 
-/// Reads a grey PNG, with or without a second channel, of 8 or 16 bits.
+/// Reads a grey PNG, with or without a second channel, of 8 or 16 bits; or an OpenEXR file of one or two channels, in the order
+/// of the alphabet, halves as the floats that they are.
 ///
 /// # Errors
-/// [`Error::Read`] when the file cannot be opened, [`Error::File`] when it is no such PNG.
+/// [`Error::Read`] when the file cannot be opened, [`Error::File`] when it is no such file.
 pub fn read_codes(path: &Path) -> Result<Picture> {
     let bytes = super::read_file(path)?;
+    if bytes.starts_with(&EXR) {
+        drop(bytes);
+        return read_floats(path);
+    }
     let open = |bytes, limits| PngDecoder::with_limits(Cursor::new(bytes), limits);
     let (size, picture) = decode(path, &bytes, "PNG", open)?;
     let (numbers, codes) = match picture {
@@ -43,5 +52,40 @@ pub fn read_codes(path: &Path) -> Result<Picture> {
         size,
         numbers,
         codes,
+    })
+}
+
+fn read_floats(path: &Path) -> Result<Picture> {
+    let mut names = exr::channels(path)?;
+    names.sort();
+    let numbers = names.len();
+    if !(1..=2).contains(&numbers) {
+        let problem = format!(
+            "it has the channels {}; needed: one or two",
+            names.join(", ")
+        );
+        return Err(Error::file(path, problem));
+    }
+    let (first, size) = exr::read_channel(path, &names[0])?;
+    let all = match names.get(1) {
+        None => first,
+        Some(name) => {
+            let (second, other) = exr::read_channel(path, name)?;
+            if other != size {
+                return Err(Error::file(path, "its parts differ in size"));
+            }
+            let pairs = first.into_iter().zip(second);
+            pairs.flat_map(<[f32; 2]>::from).collect()
+        }
+    };
+    // Nothing after this mends them.
+    if all.iter().any(|x| x.is_nan() || x.abs() > LARGEST) {
+        let problem = format!("it holds numbers beyond {LARGEST}, or none at all (NaN)");
+        return Err(Error::file(path, problem).with_hint("Make or copy the file again"));
+    }
+    Ok(Picture {
+        size,
+        numbers,
+        codes: Codes::F32(all),
     })
 }

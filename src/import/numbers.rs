@@ -227,7 +227,7 @@ fn shape<D: ImageDecoder>(
 }
 
 /// What an OpenEXR file begins with.
-const EXR: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+pub(super) const EXR: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
 fn no_picture(path: &Path) -> Error {
     Error::file(path, "it is no PNG, TIFF or OpenEXR file")

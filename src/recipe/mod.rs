@@ -33,7 +33,7 @@ pub use left_out::LeftOut;
 pub use prepare::Prepared;
 pub use presets::{PRESETS, Preset, open, preset};
 pub use stamp::Stamp;
-pub use stored::{Radius, Stored};
+pub use stored::{Radius, Stored, StoredWidth};
 
 use crate::brdf::Model;
 use crate::error::{Error, Result, in_range as number, nearest_word};

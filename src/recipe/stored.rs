@@ -22,11 +22,14 @@ const TEXELS_ALWAYS: u64 = 1 << 24;
 /// Texels that it may have for each of its bytes: more than surfaces pack to, far fewer than the 1032 of an empty picture.
 const TEXELS_A_BYTE: u64 = 64;
 
-/// Widths and axis, each from a PNG or the same everywhere.
+/// Widths and axis, each from a file or the same everywhere.
+///
+/// A file is a PNG of codes, or an OpenEXR of halves or floats, whose numbers are what the encoding makes of a width: `linear`
+/// the width itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Stored {
-    /// The file of the widths, from the recipe's folder: grey where both are alike, else grey for alpha_x with a second channel
+    /// The file of both widths, from the recipe's folder: grey where both are alike, else grey for alpha_x with a second channel
     /// for alpha_y.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub widths: Option<String>,
@@ -36,9 +39,9 @@ pub struct Stored {
     pub low: f32,
     /// The width of the largest code, over `low`, to 2.
     pub high: f32,
-    /// alpha_x without a file of widths.
+    /// alpha_x without a file of widths or one of its own.
     pub alpha_x: f32,
-    /// alpha_y without a file of widths.
+    /// alpha_y without a file of widths or one of its own.
     pub alpha_y: f32,
     /// The file of the axis.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -48,9 +51,39 @@ pub struct Stored {
     /// The angle of the x axis without a file of axes, in degrees counter-clockwise from +U; with `radial`, from the outward
     /// direction.
     pub angle: f32,
+    /// A file of alpha_x alone; only without `widths`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub x: Option<StoredWidth>,
+    /// A file of alpha_y alone; only without `widths`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub y: Option<StoredWidth>,
     /// The files are tables from a centre outward.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub radial: Option<Radius>,
+}
+
+/// One width in a file of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoredWidth {
+    /// The file, from the recipe's folder, one number a texel.
+    pub file: String,
+    /// What the codes are even steps of.
+    pub encoding: WidthEncoding,
+    /// The width of the code 0, from 0; over 0 for `log`. Floats do not use it.
+    #[serde(default = "least")]
+    pub low: f32,
+    /// The width of the largest code, over `low`, to 2. Floats do not use it.
+    #[serde(default = "most")]
+    pub high: f32,
+}
+
+fn least() -> f32 {
+    ALPHA_MIN
+}
+
+fn most() -> f32 {
+    ALPHA_MAX
 }
 
 /// Where a table from a centre outward lies.
@@ -86,6 +119,8 @@ impl Default for Stored {
             axis: None,
             axis_encoding: AxisEncoding::Double,
             angle: 0.0,
+            x: None,
+            y: None,
             radial: None,
         }
     }
@@ -94,12 +129,16 @@ impl Default for Stored {
 impl Stored {
     /// The names of its files, to be changed when the recipe moves.
     pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
-        self.widths.iter_mut().chain(&mut self.axis)
+        let alone = [&mut self.x, &mut self.y].into_iter().flatten();
+        let alone = alone.map(|width| &mut width.file);
+        self.widths.iter_mut().chain(alone).chain(&mut self.axis)
     }
 
     /// The names of its files.
     pub(super) fn files(&self) -> impl Iterator<Item = &String> {
-        self.widths.iter().chain(&self.axis)
+        let alone = [&self.x, &self.y].into_iter().flatten();
+        let alone = alone.map(|width| &width.file);
+        self.widths.iter().chain(alone).chain(&self.axis)
     }
 
     /// Names a key of its own table alone.
@@ -107,14 +146,14 @@ impl Stored {
         number("alpha_x", self.alpha_x, ALPHA_MIN..=ALPHA_MAX)?;
         number("alpha_y", self.alpha_y, ALPHA_MIN..=ALPHA_MAX)?;
         number("angle", self.angle, -360.0..=360.0)?;
-        number("low", self.low, 0.0..=2.0)?;
-        number("high", self.high, 0.0..=2.0)?;
-        if !self.width_storage(Depth::U8).is_sound() {
-            let allowed = format!(
-                "allowed: less than `high`, which is {}, and over 0 for the encoding `log`",
-                self.high
-            );
-            return Err(Error::invalid("low", self.low, allowed));
+        check_range("", self.width_storage(Depth::U8))?;
+        for (key, width) in [("x", &self.x), ("y", &self.y)] {
+            let Some(width) = width else { continue };
+            if self.widths.is_some() {
+                let allowed = "allowed: only without `widths`, which is a file of both";
+                return Err(Error::invalid(key, format!("`{}`", width.file), allowed));
+            }
+            check_range(&format!("{key}."), width.storage(Depth::U8))?;
         }
         if let Some(radial) = &self.radial {
             number("radial.center.0", radial.center[0], -10.0..=10.0)?;
@@ -135,20 +174,35 @@ impl Stored {
 
     /// Reads the files, which `at` names as the layer's table, and makes them one map.
     pub(super) fn prepare(&self, at: &str, surface: &Surface, files: &Files) -> Result<Table> {
-        let read = |key: &str, name: &Option<String>| {
-            name.as_ref().map_or(Ok(None), |name| {
+        let read = |key: &str, name: Option<&String>| {
+            name.map_or(Ok(None), |name| {
                 let path = files.resolve(&format!("{at}.{key}"), name)?;
                 Ok(Some((read_codes(&path)?, path)))
             })
         };
-        let (widths, axis) = (read("widths", &self.widths)?, read("axis", &self.axis)?);
-        if let (Some((a, first)), Some((b, second))) = (&widths, &axis)
-            && a.size != b.size
-        {
-            let problem = format!("it is {}, but {} is {}", b.size, first.display(), a.size);
-            return Err(Error::file(second, problem));
+        let alone = |width: &'_ Option<StoredWidth>| width.as_ref().map(|w| w.file.clone());
+        let pictures = [
+            read("widths", self.widths.as_ref())?,
+            read("x.file", alone(&self.x).as_ref())?,
+            read("y.file", alone(&self.y).as_ref())?,
+            read("axis", self.axis.as_ref())?,
+        ];
+        let mut first: Option<(Size, &Path)> = None;
+        for (picture, path) in pictures.iter().flatten() {
+            let (size, other) = *first.get_or_insert((picture.size, path));
+            if picture.size != size {
+                let problem = format!("it is {}, but {} is {size}", picture.size, other.display());
+                return Err(Error::file(path, problem));
+            }
+            self.check_size(picture.size, path, surface.size)?;
         }
-        if let Some((picture, path)) = &axis
+        for (picture, path) in pictures[1..3].iter().flatten() {
+            if picture.numbers != 1 {
+                let problem = format!("it has {} numbers a texel; needed: one", picture.numbers);
+                return Err(Error::file(path, problem));
+            }
+        }
+        if let Some((picture, path)) = &pictures[3]
             && picture.numbers != self.axis_encoding.numbers()
         {
             let problem = format!(
@@ -159,11 +213,8 @@ impl Stored {
             );
             return Err(Error::file(path, problem));
         }
-        for (picture, path) in widths.iter().chain(&axis) {
-            self.check_size(picture.size, path, surface.size)?;
-        }
-        let (widths, axis) = (widths.map(|w| w.0), axis.map(|a| a.0));
-        let map = |wrap| self.map(widths.as_ref(), axis.as_ref(), wrap);
+        let pictures = pictures.map(|read| read.map(|(picture, _)| picture));
+        let map = |wrap| self.map(&pictures, wrap);
         let (map, laid) = match &self.radial {
             Some(radial) => (map(Wrap::Clamp)?, Laid::Around(radial.disc(surface.aspect))),
             None => (fitted(map(surface.wrap)?, surface.size)?, Laid::Over),
@@ -198,17 +249,14 @@ impl Stored {
         Err(Error::file(path, problem).with_hint("Make the file smaller or the map larger"))
     }
 
-    /// The numbers of the files, or the same ones everywhere, as a map of the files' size.
-    fn map(
-        &self,
-        widths: Option<&Picture>,
-        axis: Option<&Picture>,
-        wrap: Wrap,
-    ) -> Result<AnisoMap> {
-        let size = match widths.or(axis) {
+    /// The numbers of the files (of both widths, alpha_x, alpha_y, the axis), or the same ones everywhere, as a map of the files'
+    /// size.
+    fn map(&self, pictures: &[Option<Picture>; 4], wrap: Wrap) -> Result<AnisoMap> {
+        let size = match pictures.iter().flatten().next() {
             Some(picture) => picture.size,
             None => Size::new(1, 1)?,
         };
+        let [widths, x, y, axis] = pictures;
         let constant = Texel {
             alpha_x: self.alpha_x,
             alpha_y: self.alpha_y,
@@ -225,16 +273,46 @@ impl Stored {
                 region.alpha_y[i] = at(n * i + n - 1);
             }
         }
-        if let Some(picture) = axis {
-            let codec = AxisStorage::new(depth(&picture.codes), self.axis_encoding).codec();
-            for i in 0..size.texels() {
-                let n = picture.numbers;
-                let codes = [n * i, n * i + n - 1].map(|j| picture.codes.number(j));
-                (region.cos2[i], region.sin2[i]) = codec.decode(codes);
+        for (width, picture, plane) in [
+            (&self.x, x, &mut *region.alpha_x),
+            (&self.y, y, &mut *region.alpha_y),
+        ] {
+            if let (Some(width), Some(picture)) = (width, picture) {
+                let storage = width.storage(depth(&picture.codes));
+                storage.unpack(&picture.codes, plane);
             }
+        }
+        if let Some(picture) = axis {
+            let storage = AxisStorage::new(depth(&picture.codes), self.axis_encoding);
+            storage.unpack(&picture.codes, region.cos2, region.sin2);
         }
         Ok(map)
     }
+}
+
+impl StoredWidth {
+    fn storage(&self, depth: Depth) -> WidthStorage {
+        WidthStorage {
+            depth,
+            encoding: self.encoding,
+            low: self.low,
+            high: self.high,
+        }
+    }
+}
+
+/// Whether the range of a file of widths can be used; `table` is what its keys are in, with a dot.
+fn check_range(table: &str, range: WidthStorage) -> Result<()> {
+    number(format!("{table}low"), range.low, 0.0..=2.0)?;
+    number(format!("{table}high"), range.high, 0.0..=2.0)?;
+    if range.is_sound() {
+        return Ok(());
+    }
+    let allowed = format!(
+        "allowed: less than `high`, which is {}, and over 0 for the encoding `log`",
+        range.high
+    );
+    Err(Error::invalid(format!("{table}low"), range.low, allowed))
 }
 
 /// A map that is nowhere larger than the surface's: its texels' mean lobes where it was.
