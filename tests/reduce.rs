@@ -1,10 +1,15 @@
 //! `anisomap reduce` as the real binary: what it keeps, that it looks the same, and what it says to nonsense.
 
-use anisomap::analyse::Flip;
-use anisomap::analyse::PIXELS_PER_DEGREE;
-use anisomap::map::{AnisoMap, Size};
+use anisomap::analyse::{ColourDifference, Flip, PIXELS_PER_DEGREE};
+use anisomap::convention::MapInfo;
+use anisomap::export::Export;
+use anisomap::export::exr::{Precision, write_master};
+use anisomap::import::exr::read_master;
+use anisomap::import::gltf::read_gltf;
+use anisomap::map::{AnisoMap, Size, Texel, Wrap};
+use anisomap::math::Axis;
 use anisomap::mesh;
-use anisomap::preview::{Look, Picture, Scene, Subject, render_reference};
+use anisomap::preview::{Background, Look, Material, Picture, Scene, Subject, render_reference};
 use anisomap::progress::Progress;
 use anisomap::recipe::{Files, RecipeFile, open};
 use assert_cmd::Command;
@@ -344,6 +349,432 @@ fn without_highlights_the_cheapest_model_is_taken() {
     assert!(text.contains("models = [\"lambert\"]"), "{text}");
 }
 
+/// Rings around a centre, all alike.
+const TURNED: &str = "version = 1\nname = 'turned'\nsize = 96\nwrap = 'clamp'\nmesh = 'disc'\n[[layers]]\n[layers.radial]\n\
+    cap_radius = 0.0\ncap_fade = 0.0\nalpha_along = 0.05\nalpha_across = 0.4\nspread_along = 0.0\nspread_across = 0.0\nwander = 0.0\nbreaks = 0.0\n";
+
+/// Rings of long lobes.
+const SHARP: &str = "version = 1\nname = 'turned'\nsize = 64\n[material]\ndiffuse = [0.02, 0.02, 0.02]\nspecular = [0.4, 0.4, 0.4]\n\
+    [[layers]]\n[layers.radial]\nalpha_along = 0.083045\nalpha_across = 0.922722\nspread_along = 0.0\nspread_across = 0.0\n\
+    breaks = 0.0\nwander = 0.0\ncap_radius = 0.0\ncap_fade = 0.0\n";
+
+#[test]
+fn what_no_scene_or_model_shows_is_dropped_whatever_a_lobe_would_say() {
+    let desk = Desk::new();
+    desk.write("turned.toml", TURNED);
+    let reduce = "reduce ./turned.toml -o out --tolerance 0.01 --size 64";
+    // By itself it needs a direction at every point, but no number that changes.
+    let json = desk.json(reduce);
+    assert_ne!(json["reduced"]["kind"], "constants");
+    for unseen in [
+        "--model phong",
+        "--model blinn-phong",
+        "--light=0.2,0.3,-1",
+        "--light=0.2,0.3,-1 --metric luminance",
+    ] {
+        let json = desk.json(&format!("{reduce} {unseen}"));
+        assert_eq!(json["reduced"]["kind"], "constants", "{unseen}");
+        assert_eq!(json["reduced"]["channels"]["axis"], Value::Null);
+    }
+    // From behind the cheapest model will do as well.
+    let json = desk.json(&format!("{reduce} --light=0.2,0.3,-1"));
+    assert_eq!(json["reduced"]["model"], "lambert");
+}
+
+#[test]
+fn phong_needs_one_width_however_the_lobes_are_turned() {
+    let desk = Desk::new();
+    let widths = brushed("").replace("angle = 10", "angle = 10\nwander = 20.0");
+    desk.write("sheet.toml", &widths.replace("models = []\n", ""));
+    let reduce = "reduce ./sheet.toml -o out --tolerance 0.006 --size 64 --model phong";
+    let json = desk.json(reduce);
+    assert_eq!(json["reduced"]["widths"], "round", "{}", json["reduced"]);
+    assert!(number(&json["reduced"]["bytes_per_texel"]) <= 2.0);
+    let recipe = fs::read_to_string(desk.path("out/sheet.reduced.toml")).expect("text");
+    assert!(
+        recipe.contains("widths = \"sheet.reduced_widths.png\""),
+        "{recipe}"
+    );
+}
+
+#[test]
+fn rings_that_are_all_alike_need_no_map_but_a_centre() {
+    let desk = Desk::new();
+    desk.write("turned.toml", TURNED);
+    let json = desk.json("reduce ./turned.toml -o out --tolerance 0.02 --size 96 --map-size 256");
+    let reduced = &json["reduced"];
+    assert_eq!(
+        (&reduced["kind"], &reduced["bytes"], &reduced["storage"]),
+        (&"radial strip".into(), &0.into(), &Value::Null),
+        "{reduced}"
+    );
+    assert_eq!(
+        desk.files("out"),
+        ["turned.reduced.json", "turned.reduced.toml"]
+    );
+    let reduced = desk.map("out/turned.reduced.toml");
+    let file = RecipeFile::read(desk.path("turned.toml")).expect("a recipe");
+    let full = filled(&file, reduced.size(), &file.files(false));
+    let eye = Eye {
+        mesh: "disc",
+        ..Eye::default()
+    };
+    let error = eye.error([&full, &reduced], ["ward"; 2]);
+    assert!(error.0 <= 0.02 && error.1 <= 0.06, "{error:?}");
+}
+
+/// A map of 48x48, each texel by itself.
+fn noisy(of: impl Fn(f32, f32) -> Texel) -> AnisoMap {
+    let size = Size::new(48, 48).expect("a size");
+    let mut map = AnisoMap::constant(size, Wrap::Repeat, of(0.5, 0.5));
+    let mut random = Random(7);
+    for i in 0..size.texels() {
+        let texel = of(random.part(), random.part());
+        map.region_mut().set(i, texel);
+    }
+    map
+}
+
+impl Desk {
+    /// Writes a map as `NAME.exr` to the bit.
+    fn write_map(&self, name: &str, map: &AnisoMap) {
+        let info = MapInfo {
+            name: name.to_owned(),
+            ..MapInfo::default()
+        };
+        let path = self.path(&format!("{name}.exr"));
+        write_master(&path, &Export::new(map, &info), Precision::Float).expect("it is written");
+    }
+
+    /// Reduces `NAME.exr`, reads what was written, and holds it against the map it was made of.
+    fn reduced(&self, name: &str, map: &AnisoMap, tolerance: f64, metric: &str) -> Value {
+        let json = self.json(&format!(
+            "reduce ./{name}.exr -o out --tolerance {tolerance} --metric {metric} --size 64 --mesh torus"
+        ));
+        let back = self.map(&format!("out/{name}.reduced.toml"));
+        let eye = Eye {
+            metric,
+            ..Eye::default()
+        };
+        let (mean, p999) = eye.error([map, &back], ["ward"; 2]);
+        assert!(
+            mean <= tolerance && p999 <= 3.0 * tolerance,
+            "{mean} {p999}"
+        );
+        json["reduced"].clone()
+    }
+}
+
+#[test]
+fn each_channel_has_the_depth_that_it_needs() {
+    let desk = Desk::new();
+    // alpha_x over a wide range, alpha_y over a narrow one, one direction.
+    let map = noisy(|a, b| Texel {
+        alpha_x: 0.03 * 30f32.powf(a),
+        alpha_y: 0.4 + 0.004 * b,
+        axis: Axis::from_degrees(30.0),
+    });
+    desk.write_map("mixed", &map);
+    let reduced = desk.reduced("mixed", &map, 2e-4, "luminance");
+    let channels = &reduced["channels"];
+    assert_eq!(
+        (&channels["alpha_x"]["depth"], &channels["alpha_y"]["depth"]),
+        (&"u16".into(), &"u8".into()),
+        "{reduced}"
+    );
+    assert_eq!(
+        (&channels["axis"], &reduced["axes"]),
+        (&Value::Null, &"same".into())
+    );
+    assert_eq!(reduced["bytes_per_texel"], 3);
+    assert_eq!(
+        desk.files("out"),
+        [
+            "mixed.reduced.json",
+            "mixed.reduced.toml",
+            "mixed.reduced_alpha_x.png",
+            "mixed.reduced_alpha_y.png"
+        ]
+    );
+}
+
+#[test]
+fn a_width_that_is_one_for_all_is_a_number_and_floats_stand_beside_it() {
+    let desk = Desk::new();
+    for (name, x_changes) in [("x", true), ("y", false)] {
+        let map = noisy(|a, _| {
+            let wide = 0.05 * 10f32.powf(a);
+            Texel {
+                alpha_x: if x_changes { wide } else { 0.4 },
+                alpha_y: if x_changes { 0.4 } else { wide },
+                axis: Axis::from_degrees(30.0),
+            }
+        });
+        desk.write_map(name, &map);
+        let coarse = desk.reduced(name, &map, 0.01, "flip");
+        assert_eq!(
+            (&coarse["widths"], &coarse["axes"]),
+            (&name.into(), &"same".into())
+        );
+        assert_eq!(coarse["bytes_per_texel"], 1, "{coarse}");
+        // Nothing but floats is fine enough, and yet three numbers of four are dropped.
+        let fine = desk.reduced(name, &map, 1e-6, "luminance");
+        assert_eq!(
+            (&fine["widths"], &fine["storage"]),
+            (&name.into(), &"f32".into())
+        );
+        assert_eq!(fine["bytes_per_texel"], 4, "{fine}");
+        let file = format!("{name}.reduced_alpha_{name}.exr");
+        assert!(desk.files("out").contains(&file), "{:?}", desk.files("out"));
+        assert!(desk.map(&format!("out/{name}.reduced.toml")) == map);
+    }
+    // A file of floats that is damaged is told.
+    fs::copy(desk.path("x.exr"), desk.path("out/x.reduced_alpha_x.exr")).expect("a copy");
+    desk.fails(
+        "inspect out/x.reduced.toml",
+        &["x.reduced_alpha_x.exr", "one or two"],
+    );
+}
+
+/// Somebody else who measures errors.
+struct Eye<'a> {
+    mesh: &'a str,
+    light: Option<Vec3>,
+    material: Material,
+    metric: &'a str,
+    side: u32,
+    samples: u32,
+}
+
+impl Default for Eye<'_> {
+    fn default() -> Self {
+        Self {
+            mesh: "torus",
+            light: None,
+            material: Material::default(),
+            metric: "flip",
+            side: SWEPT,
+            samples: 12,
+        }
+    }
+}
+
+impl Eye<'_> {
+    /// The error of the second map against the first, each with its model: mean and 99.9th percentile over the pixels that the
+    /// mesh touches.
+    fn error(&self, maps: [&AnisoMap; 2], models: [&str; 2]) -> (f64, f64) {
+        let mesh = mesh::open(self.mesh).expect("a mesh");
+        let mut scene = Scene::for_mesh(&mesh);
+        if let Some(light) = self.light {
+            scene.set_directions(&[light]);
+        }
+        let size = Size::new(self.side, self.side).expect("a size");
+        let draw = |map: &AnisoMap, scene: &Scene, material: &Material, model: &str| {
+            let subject = Subject {
+                mesh: &mesh,
+                map,
+                material,
+            };
+            let looks = Look::list(model).expect("a look");
+            let none = Progress::none();
+            let drawn = render_reference(subject, scene, &looks, size, self.samples, &none);
+            drawn.expect("it draws").swap_remove(0)
+        };
+        let [first, second] = [0, 1].map(|i| draw(maps[i], &scene, &self.material, models[i]));
+        let shadow = Scene {
+            lights: Vec::new(),
+            background: Background {
+                top: [1.0; 3],
+                bottom: [1.0; 3],
+            },
+            ..scene.clone()
+        };
+        let black = Material {
+            diffuse: [0.0; 3],
+            specular: [0.0; 3],
+            ambient: [0.0; 3],
+        };
+        let shadow = draw(maps[0], &shadow, &black, "lambert");
+        let values = self.values(&first, &second);
+        let pairs = values.iter().zip(shadow.pixels());
+        let touched = pairs.filter(|(_, p)| p[0] < 0.9999).map(|(v, _)| *v);
+        let mut errors: Vec<f32> = touched.collect();
+        errors.sort_by(f32::total_cmp);
+        let mean = errors.iter().map(|v| f64::from(*v)).sum::<f64>() / errors.len() as f64;
+        let at = (0.999 * errors.len() as f64).ceil() as usize - 1;
+        (mean, f64::from(errors[at]))
+    }
+
+    fn values(&self, first: &Picture, second: &Picture) -> Vec<f32> {
+        match self.metric {
+            "flip" => {
+                let flip = Flip::new(first, second, PIXELS_PER_DEGREE).expect("of one size");
+                flip.values().to_vec()
+            }
+            "de" => {
+                let de = ColourDifference::new(first, second).expect("of one size");
+                de.values().to_vec()
+            }
+            _ => {
+                let y = |[r, g, b]: [f32; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
+                let pairs = first.pixels().iter().zip(second.pixels());
+                pairs
+                    .map(|(&a, &b)| (y(b) - y(a)).abs() / y(a).max(0.01))
+                    .collect()
+            }
+        }
+    }
+}
+
+/// Pixels along a side of the sweep's pictures.
+const SWEPT: u32 = 96;
+
+/// Numbers that look random and are the same in every run.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        let x = (self.0 ^ (self.0 >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x ^ (x >> 32)
+    }
+
+    /// 0 to 1.
+    fn part(&mut self) -> f32 {
+        (self.next() >> 40) as f32 / (1u64 << 24) as f32
+    }
+
+    fn of<T: Copy>(&mut self, all: &[T]) -> T {
+        all[(self.next() % all.len() as u64) as usize]
+    }
+}
+
+/// Reduces a random recipe for a random scene, and measures what was written anew: what was reduced how, and the shares of the
+/// tolerance that the mean and the 99.9th percentile take.
+fn swept(desk: &Desk, n: u64) -> (String, f64) {
+    let mut random = Random(n.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    for _ in 0..4 {
+        random.next();
+    }
+    let preset = random.of(&[
+        "brushed_aluminium",
+        "brushed_aluminium_coarse",
+        "canvas",
+        "compact_disc",
+        "cross_brushed_plate",
+        "gold_watch_face",
+        "lathe_cut_steel",
+        "lightly_brushed_aluminium",
+        "pot",
+        "rolled_brass",
+        "satin",
+        "scratched_steel",
+        "spun_copper",
+        "turned_disc",
+        "twill",
+        "varnished_wood",
+        "vinyl_record",
+    ]);
+    let factor = |random: &mut Random| 0.4 * 5f32.powf(random.part());
+    let (x, y) = (factor(&mut random), factor(&mut random));
+    let turn = 180.0 * random.part();
+    let mesh = random.of(&["torus", "pot", "sphere", "plane", "cylinder", "disc"]);
+    let models = [
+        "ward",
+        "ward",
+        "ward-exact",
+        "ward-duer",
+        "ward-bounded",
+        "beckmann",
+        "ggx",
+        "phong",
+        "blinn-phong",
+    ];
+    let model = random.of(&models);
+    let metric = random.of(&["flip", "flip", "de", "luminance"]);
+    let usual = match metric {
+        "flip" => 0.01,
+        "de" => 0.5,
+        _ => 0.02,
+    };
+    // Short, so that the tolerance is the same number here and there.
+    let tolerance: f64 = format!(
+        "{:.2e}",
+        usual * 0.25 * 16f64.powf(f64::from(random.part()))
+    )
+    .parse()
+    .expect("a number");
+    let light = (!random.next().is_multiple_of(3)).then(|| {
+        let mut side = || (200.0 * (random.part() - 0.5)).round() / 100.0;
+        Vec3::new(side(), side(), side() + 0.4)
+    });
+    let map_size = random.of(&[64, 96, 128]);
+    let presets = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("presets");
+    let text = fs::read_to_string(presets.join(format!("{preset}.toml"))).expect("a preset");
+    let adjust = format!("\n[adjust]\nalpha_x = {x:.3}\nalpha_y = {y:.3}\nturn = {turn:.1}\n");
+    desk.write("swept.toml", &format!("{text}{adjust}"));
+    let mut what = format!(
+        "reduce ./swept.toml -o out --tolerance {tolerance} --metric {metric} --model {model} --mesh {mesh} \
+         --size {SWEPT} --map-size {map_size}"
+    );
+    if let Some(light) = light {
+        what += &format!(" --light={},{},{}", light.x, light.y, light.z);
+    }
+    let json = desk.json(&what);
+    let file = RecipeFile::read(desk.path("swept.toml")).expect("a recipe");
+    let size = Size::new(map_size, map_size).expect("a size");
+    let full = filled(&file, size, &file.files(false));
+    let reduced = desk.map(&format!("out/{preset}.reduced.toml"));
+    let kept = json["reduced"]["model"]
+        .as_str()
+        .expect("a model")
+        .to_owned();
+    let eye = Eye {
+        mesh,
+        light: light.map(Vec3::normalize),
+        material: file.recipe().material,
+        metric,
+        ..Eye::default()
+    };
+    let (mean, p999) = eye.error([&full, &reduced], [model, &kept]);
+    let told = json["dropped"].to_string();
+    let share = (mean / tolerance).max(p999 / (3.0 * tolerance));
+    let drawn = json["tried"].as_array().expect("a list");
+    let drawn = drawn.iter().filter(|t| !t["error"].is_null()).count();
+    let line = format!(
+        "{n}: {preset} {x:.2} {y:.2} {turn:.0}: {what}\n    {drawn} drawn, {told}: mean {mean:.2e} 99.9 % {p999:.2e}"
+    );
+    fs::remove_dir_all(desk.path("out")).expect("it was written");
+    (line, share)
+}
+
+/// ANISOMAP_SWEEP=60 tries more, and tells each.
+#[test]
+fn whatever_is_reduced_stays_within_the_tolerance() {
+    let desk = Desk::new();
+    let asked = std::env::var("ANISOMAP_SWEEP").ok();
+    let cases = asked.as_ref().map_or(7, |n| n.parse().expect("a number"));
+    let mut over = Vec::new();
+    for n in 0..cases {
+        let (line, share) = swept(&desk, n);
+        if asked.is_some() {
+            println!("{line} {share:.2} of the tolerance");
+        }
+        if share > 1.0 {
+            over.push(format!("{share:.3}: {line}"));
+        }
+    }
+    assert!(
+        over.is_empty(),
+        "{} of {cases}:\n{}",
+        over.len(),
+        over.join("\n")
+    );
+}
+
 /// A brushed sheet, and what a recipe shows it with.
 fn brushed(models: &str) -> String {
     format!(
@@ -504,6 +935,54 @@ fn generated_files_are_as_fine_as_the_tolerance_wants() {
         "{}",
         loose.err
     );
+}
+
+#[test]
+fn each_format_is_judged_by_what_its_own_files_give_back() {
+    let desk = Desk::new();
+    // The PNG's roots have no code for these widths; glTF scales its own to the largest.
+    desk.write("flat.toml", &FLAT.replace("0.3", "1.4"));
+    let generate = |recipe: &str, tolerance: f64| {
+        let formats = "--formats exr,png8,png16,glb,gltf --mesh torus";
+        let end = desk.run_with(
+            "2",
+            &format!("generate ./{recipe}.toml -o out {formats} --reduce {tolerance} --json"),
+        );
+        assert_eq!(end.code, 0, "{}", end.err);
+        let json: Value = serde_json::from_str(&end.out).expect("JSON");
+        (json["reduced"]["seen_in"].clone(), end.err)
+    };
+    let (seen, told) = generate("flat", 0.001);
+    assert_eq!(seen, serde_json::json!(["png8"]), "{told}");
+    assert!(
+        told.contains("png8 is coarser") && !told.contains("gl"),
+        "{told}"
+    );
+    // These the PNG holds exactly, but eight bits of a vector turn further than eight of its double angle.
+    desk.write("turned.toml", SHARP);
+    let tolerance = 0.017;
+    let (seen, told) = generate("turned", tolerance);
+    assert_eq!(seen, serde_json::json!(["glb", "gltf"]), "{told}");
+    assert!(
+        told.contains("glb is coarser") && !told.contains("png8"),
+        "{told}"
+    );
+    // And so it is, as a reader finds them.
+    let file = RecipeFile::read(desk.path("turned.toml")).expect("a recipe");
+    let full = filled(&file, file.recipe().size, &file.files(false));
+    let eye = Eye {
+        material: file.recipe().material,
+        side: 384,
+        samples: 4,
+        ..Eye::default()
+    };
+    let seen = |back: &AnisoMap| {
+        let (mean, p999) = eye.error([&full, back], ["ward"; 2]);
+        mean > tolerance || p999 > 3.0 * tolerance
+    };
+    let glb = read_gltf(&desk.path("out/turned.glb")).expect("a GLB").map;
+    let exr = read_master(&desk.path("out/turned.exr"));
+    assert!(seen(&glb) && !seen(&exr.expect("a master").map));
 }
 
 #[test]
@@ -683,23 +1162,32 @@ fn a_stored_layer_that_is_damaged_is_told() {
         desk.write("out/changed.toml", &changed);
     };
     for (from, to, words) in [
-        ("encoding = \"log\"", "encoding = \"lgo\"", ["lgo", "log"]),
-        ("low = ", "low = -1.0 #", ["layers.0.stored.low", "0 to 2"]),
+        ("[layers.stored.x]", "[layers.stored.z]", ["`z`", "`x`"]),
         (
-            "high = ",
-            "high = 0.0001 #",
-            ["layers.0.stored.low", "less than"],
+            "[layers.stored.x]",
+            "[layers.stored.x]\nlow = -1.0 #",
+            ["layers.0.stored.x.low", "0 to 2"],
         ),
-        ("widths = ", "widhts = ", ["widhts", "widths"]),
+        ("\nfile = ", "\nfiel = ", ["fiel", "file"]),
         (
-            "brushed_aluminium.reduced_widths.png",
+            "brushed_aluminium.reduced_alpha_x.png",
             "../x.png",
-            ["layers.0.stored.widths", "--allow-outside"],
+            ["layers.0.stored.x.file", "--allow-outside"],
         ),
         (
-            "brushed_aluminium.reduced_widths.png",
+            "brushed_aluminium.reduced_alpha_x.png",
+            "brushed_aluminium.reduced_axis.png",
+            ["reduced_axis.png", "one"],
+        ),
+        (
+            "brushed_aluminium.reduced_alpha_x.png",
             "changed.toml",
             ["changed.toml", "PNG"],
+        ),
+        (
+            "axis = ",
+            "widths = 'w.png'\naxis = ",
+            ["layers.0.stored.x", "only without `widths`"],
         ),
     ] {
         changed(from, to);

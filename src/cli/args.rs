@@ -249,7 +249,7 @@ pub(super) struct ReduceArgs {
     #[command(flatten)]
     pub(super) recipe_args: RecipeArgs,
     /// JSON for scripts in place of the table: {name, metric, tolerance, picture, reference_samples, k_max, scenes, full,
-    /// reduced, seen_in, dropped, recipe, files, tried}. Example: --json
+    /// reduced, seen_in, seen_in_floats, dropped, recipe, files, tried}. Example: --json
     #[arg(long)]
     pub(super) json: bool,
 }
@@ -291,10 +291,10 @@ pub(super) struct ReduceOptions {
 
 const REDUCE_HELP: &str = "\
 It tries, from the fewest bytes upward: no map, a table outward from a centre, strips
-along u or v, smaller maps; isotropic, constant widths, one direction; 8 and 16 bits,
-halves, floats; and a cheaper model. What is out of the question by its closed form
-is not drawn; everything else is drawn in every scene, and what is taken is measured
-once more by the reference, from what the files give back.
+along u or v, smaller maps; isotropic, one width or both constant, one direction; 8
+and 16 bits, halves, floats for each channel; and a cheaper model. All but what its
+closed form clears is drawn in every scene, and what is taken is measured once more
+by the reference, from what the files give back.
 
 It writes NAME.reduced.toml, a recipe that stands for the reduced map and that every
 command reads, the PNG or EXR files that it names, and NAME.reduced.json, the report.

@@ -3,7 +3,6 @@
 use super::args::{GenerateArgs, ReduceOptions};
 use super::reduce::{Reduced, Work, meshes, recipe_in};
 use super::{Outcome, Result, console, input};
-use anisomap::convention::storage::Depth;
 use anisomap::export::beside;
 use anisomap::export::exr::Precision;
 use anisomap::generate::{Job, MARK, Made, formats, make_folder, yours_lies_there};
@@ -26,13 +25,22 @@ pub(super) fn run(args: GenerateArgs) -> Result {
             (RecipeFile::read(&done.reduced.recipe)?, Some(done))
         }
     };
-    let seen_in = (reduced.as_ref()).map_or(Vec::new(), |done| done.reduced.seen_in.clone());
+    let formats = formats(&args.formats, file.recipe(), &Target::DEFAULT);
+    let notes = reduced
+        .as_ref()
+        .map_or(Vec::new(), |done| coarse(&formats, &done.reduced));
+    let halves_are_seen = (reduced.as_ref()).is_some_and(|done| {
+        let exr = [Target::Exr, Target::RgbExr];
+        let seen_in = &done.reduced.seen_in;
+        exr.iter()
+            .any(|f| formats.contains(f) && seen_in.contains(f))
+    });
     let job = Job {
         stem: file.recipe().name.clone(),
-        formats: formats(&args.formats, file.recipe(), &Target::DEFAULT),
+        formats,
         readme: true,
         copies: false,
-        precision: if args.float || seen_in.contains(&Depth::F16) {
+        precision: if args.float || halves_are_seen {
             Precision::Float
         } else {
             Precision::Half
@@ -50,7 +58,7 @@ pub(super) fn run(args: GenerateArgs) -> Result {
     if let Some(note) = input::mended_note(made.mended) {
         console::complain(&note);
     }
-    for note in coarse(&job.formats, &seen_in) {
+    for note in notes {
         console::complain(&note);
     }
     if args.json {
@@ -91,12 +99,15 @@ fn reduced(args: &GenerateArgs, tolerance: f32) -> Result<Done> {
         None => source.mesh().map(|mesh| (mesh.name.clone(), mesh))?,
     };
     make_folder(&args.output)?;
+    let recipe = recipe_in(&args.output, &source, &args.recipe)?;
+    let formats = formats(&args.formats, &recipe, &Target::DEFAULT);
     let work = Work {
-        recipe: recipe_in(&args.output, &source, &args.recipe)?,
+        recipe,
         named: vec![(word, mesh.clone())],
         source: &source,
         tolerance,
         options: &options,
+        formats: &formats,
     };
     // What would be refused after the work is refused before it.
     let copy = beside(&args.output.join(&work.recipe.name), ".toml");
@@ -112,30 +123,20 @@ fn reduced(args: &GenerateArgs, tolerance: f32) -> Result<Done> {
     })
 }
 
-/// What is to be said of formats whose bits are too few for the tolerance. EXR files have floats then.
-fn coarse(formats: &[Target], seen_in: &[Depth]) -> Vec<String> {
-    let depth = |format: &Target| match format {
-        Target::Png8 | Target::Glb | Target::Gltf => Some(Depth::U8),
-        Target::Png16 => Some(Depth::U16),
-        Target::Exr | Target::RgbExr => Some(Depth::F16),
-        Target::Preview => None,
-    };
-    let too_few = |format: &&Target| depth(format).is_some_and(|d| seen_in.contains(&d));
-    let coarse = formats.iter().filter(too_few);
-    coarse
-        .map(|format| match depth(format) {
-            Some(Depth::F16) => {
-                format!(
-                    "note: halves would be seen, so {} has 32-bit floats",
-                    format.name()
-                )
+/// What is to be said of formats that are coarser than the tolerance allows. EXR files have floats then.
+fn coarse(formats: &[Target], reduced: &Reduced) -> Vec<String> {
+    let seen = formats.iter().filter(|f| reduced.seen_in.contains(f));
+    seen.map(|format| {
+        let name = format.name();
+        let in_floats = reduced.seen_in_floats.contains(format);
+        match format {
+            Target::Exr | Target::RgbExr if !in_floats => {
+                format!("note: halves would be seen, so {name} has 32-bit floats")
             }
-            _ => format!(
-                "note: {} is coarser than the tolerance allows",
-                format.name()
-            ),
-        })
-        .collect()
+            _ => format!("note: {name} is coarser than the tolerance allows"),
+        }
+    })
+    .collect()
 }
 
 fn report(made: &Made, job: &Job) -> String {

@@ -6,12 +6,11 @@ use anisomap::Error;
 use anisomap::analyse::reduce::{
     REPORT, Reduction, Request, Saved, Setting, Shape, Verdict, check_output, least,
 };
-use anisomap::convention::storage::Depth;
 use anisomap::export::{beside, write_atomic};
 use anisomap::generate::{looks, make_folder, scene};
 use anisomap::mesh::{self, Mesh};
 use anisomap::preview::{Look, Scene};
-use anisomap::recipe::{Recipe, RecipeFile, read_toml, seen_from};
+use anisomap::recipe::{Recipe, RecipeFile, Target, read_toml, seen_from};
 use glam::Vec3;
 use std::fmt::Write as _;
 use std::io::Write;
@@ -32,6 +31,7 @@ pub(super) fn run(args: ReduceArgs) -> Result {
         source: &source,
         tolerance: args.tolerance,
         options: &args.options,
+        formats: &Target::ALL,
     };
     let reduced = work.reduce(&args.output)?;
     if args.json {
@@ -56,14 +56,18 @@ pub(super) struct Work<'a> {
     pub(super) source: &'a input::Source,
     pub(super) tolerance: f32,
     pub(super) options: &'a ReduceOptions,
+    /// The formats to be judged.
+    pub(super) formats: &'a [Target],
 }
 
 /// What came of it, told in both ways.
 pub(super) struct Reduced {
     pub(super) text: String,
     pub(super) json: serde_json::Value,
-    /// The depths of files that are coarser than the tolerance allows.
-    pub(super) seen_in: Vec<Depth>,
+    /// The formats that are coarser than the tolerance allows, EXR in halves.
+    pub(super) seen_in: Vec<Target>,
+    /// Those of them that are so in floats too.
+    pub(super) seen_in_floats: Vec<Target>,
     /// The recipe that stands for the reduced map.
     pub(super) recipe: PathBuf,
 }
@@ -90,6 +94,7 @@ impl Work<'_> {
             metric: self.options.metric,
             tolerance: self.tolerance,
             size: self.options.size,
+            formats: self.formats,
         };
         let reduction = console::with_progress("reducing", |p| least(&request, p))?;
         console::check_cancelled()?;
@@ -111,6 +116,7 @@ impl Work<'_> {
             text: self.text(&request, &reduction, &saved, &dropped),
             json,
             seen_in: reduction.seen_in,
+            seen_in_floats: reduction.seen_in_floats,
             recipe: saved.recipe,
         })
     }

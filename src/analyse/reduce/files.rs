@@ -1,18 +1,18 @@
 //! A reduced map as files: a recipe that stands for it, and beside it what changes from texel to texel.
 
 use super::form::{Kept, round_degrees};
-use super::{Reduction, Shape};
-use crate::convention::MapInfo;
-use crate::convention::storage::Storage;
+use super::{Axes, Channels, Reduction, Shape, Widths};
+use crate::convention::storage::{Codes, Depth, WidthStorage};
+use crate::convention::{Content, MapInfo, MapRecord};
 use crate::error::{Error, Result};
 use crate::export::codes::write_codes;
-use crate::export::exr::{Precision, write_master};
+use crate::export::exr::{Precision, write_master, write_part};
 use crate::export::{Export, Written, beside, write_atomic};
 use crate::map::Size;
 use crate::pattern::{Constant, Pattern};
 use crate::preview::Look;
 use crate::progress::Progress;
-use crate::recipe::{Adjust, Image, Layer, Recipe, RecipeFile, Source, Stored};
+use crate::recipe::{Adjust, Image, Layer, Recipe, RecipeFile, Source, Stored, StoredWidth};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -23,9 +23,24 @@ const MARK: &str = "# A reduced map, written by anisomap. Copy it before you cha
 const RECIPE: &str = ".reduced.toml";
 /// The report, which whoever calls for it writes.
 pub const REPORT: &str = ".reduced.json";
-const WIDTHS: &str = ".reduced_widths.png";
-const AXIS: &str = ".reduced_axis.png";
-const FLOATS: &str = ".reduced.exr";
+/// The whole map in floats.
+const MASTER: &str = ".reduced.exr";
+/// Codes, in PNG files, and floats, in OpenEXR files, of one channel or the axis each.
+const PARTS: [&str; 4] = ["widths", "alpha_x", "alpha_y", "axis"];
+
+/// How the name of a part's file ends.
+fn part(what: &str, ending: &str) -> String {
+    format!(".reduced_{what}.{ending}")
+}
+
+/// How the names of all files end, but for the recipe's.
+fn others() -> Vec<String> {
+    let parts = PARTS
+        .iter()
+        .flat_map(|what| ["png", "exr"].map(|ending| part(what, ending)));
+    let whole = [MASTER, REPORT].map(str::to_owned);
+    parts.chain(whole).collect()
+}
 
 /// What was written.
 #[derive(Debug)]
@@ -140,9 +155,9 @@ pub fn check_output(stem: &Path) -> Result<()> {
         Err(e) if e.kind() == io::ErrorKind::NotFound => {}
         Err(e) => return Err(Error::write(&path)(e)),
     }
-    let others = [REPORT, WIDTHS, AXIS, FLOATS].map(|suffix| beside(stem, suffix));
-    match others.iter().find(|path| path.symlink_metadata().is_ok()) {
-        Some(path) => Err(yours(path)),
+    let mut others = others().into_iter().map(|suffix| beside(stem, &suffix));
+    match others.find(|path| path.symlink_metadata().is_ok()) {
+        Some(path) => Err(yours(&path)),
         None => Ok(()),
     }
 }
@@ -159,8 +174,8 @@ fn yours(path: &Path) -> Error {
 
 /// Removes a set, its recipe first: what is left halfway stands for nothing.
 fn clear(stem: &Path) -> Result<()> {
-    for suffix in [RECIPE, WIDTHS, AXIS, FLOATS, REPORT] {
-        let path = beside(stem, suffix);
+    for suffix in std::iter::once(RECIPE.to_owned()).chain(others()) {
+        let path = beside(stem, &suffix);
         match std::fs::remove_file(&path) {
             Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(Error::write(&path)(e)),
             _ => {}
@@ -180,57 +195,118 @@ impl Kept {
             };
             return Ok((Source::Pattern(Pattern::Constant(constant)), Vec::new()));
         }
-        if !self.form.is_coded() {
-            return self.write_floats(stem, recipe);
-        }
-        let mut stored = Stored {
-            encoding: self.form.storage.widths.encoding,
-            low: self.form.storage.widths.low,
-            high: self.form.storage.widths.high,
-            alpha_x: self.same.alpha_x,
-            alpha_y: self.same.alpha_y,
-            axis_encoding: self.form.storage.axis.encoding,
-            angle: round_degrees(self.same.axis),
-            ..Stored::default()
-        };
-        let size = match self.form.shape {
-            Shape::Radial(radius, samples) => {
-                stored.radial = Some(radius);
-                Size::new(samples, 1)?
-            }
-            _ => self.map.size(),
-        };
-        let mut written = Vec::new();
-        if let Some((numbers, codes)) = &self.widths {
-            let path = beside(stem, WIDTHS);
-            stored.widths = Some(name(&path)?);
-            written.push(write_codes(&path, size, *numbers, codes)?);
-        }
-        if let Some(codes) = &self.axes {
-            let path = beside(stem, AXIS);
-            stored.axis = Some(name(&path)?);
-            let numbers = self.form.storage.axis.encoding.numbers();
-            written.push(write_codes(&path, size, numbers, codes)?);
-        }
-        Ok((Source::Stored(stored), written))
-    }
-
-    fn write_floats(&self, stem: &Path, recipe: &Recipe) -> Result<(Source, Vec<Written>)> {
-        let path = beside(stem, FLOATS);
-        let precision = if self.form.storage == Storage::FULL {
-            Precision::Float
-        } else {
-            Precision::Half
-        };
         let info = MapInfo {
             name: recipe.name.clone(),
             aspect: recipe.aspect_at(self.map.size()),
             ..MapInfo::default()
         };
-        let map = self.unrounded.as_ref().unwrap_or(&self.map);
-        let written = write_master(&path, &Export::new(map, &info), precision)?;
-        let file = name(&path)?;
-        Ok((Source::Image(Image::master(file)), vec![written]))
+        match self.form.master() {
+            Some(depth) => self.write_master(stem, &info, depth),
+            None => self.write_parts(stem, &info),
+        }
+    }
+
+    fn write_master(
+        &self,
+        stem: &Path,
+        info: &MapInfo,
+        depth: Depth,
+    ) -> Result<(Source, Vec<Written>)> {
+        let path = beside(stem, MASTER);
+        let export = Export::new(self.numbers(), info);
+        let written = write_master(&path, &export, precision(depth))?;
+        Ok((Source::Image(Image::master(name(&path)?)), vec![written]))
+    }
+
+    /// A file for each width, or for both where they are one, and one for the axis.
+    fn write_parts(&self, stem: &Path, info: &MapInfo) -> Result<(Source, Vec<Written>)> {
+        let Channels { x, y, axis } = self.form.channels;
+        let numbers = self.numbers();
+        let mut stored = Stored {
+            alpha_x: self.same.alpha_x,
+            alpha_y: self.same.alpha_y,
+            axis_encoding: axis.encoding,
+            angle: round_degrees(self.same.axis),
+            radial: match self.form.shape {
+                Shape::Radial(radius, _) => Some(radius),
+                _ => None,
+            },
+            ..Stored::default()
+        };
+        let mut parts = Parts {
+            stem,
+            size: numbers.size(),
+            record: MapRecord::new(Content::Part, info, numbers.wrap()),
+            written: Vec::new(),
+        };
+        let mut width = |what: &str, channel: &str, storage: WidthStorage, plane: &[f32]| {
+            let depth = (storage.depth, 1);
+            let file = parts.write(what, depth, &[(channel, plane)], || storage.pack(plane))?;
+            Ok::<_, Error>(StoredWidth {
+                file,
+                encoding: storage.encoding,
+                low: storage.low,
+                high: storage.high,
+            })
+        };
+        let widths = self.form.widths;
+        if widths == Widths::Round {
+            let both = width("widths", "alpha", x, numbers.alpha_x())?;
+            (stored.encoding, stored.low, stored.high) = (both.encoding, both.low, both.high);
+            stored.widths = Some(both.file);
+        } else {
+            if widths.keep_x() {
+                stored.x = Some(width("alpha_x", "alpha.X", x, numbers.alpha_x())?);
+            }
+            if widths.keep_y() {
+                stored.y = Some(width("alpha_y", "alpha.Y", y, numbers.alpha_y())?);
+            }
+        }
+        if self.form.axes == Axes::Each {
+            let (cos2, sin2) = (numbers.cos2(), numbers.sin2());
+            let channels = [("axis.X", cos2), ("axis.Y", sin2)];
+            let depth = (axis.depth, axis.encoding.numbers());
+            let file = parts.write("axis", depth, &channels, || axis.pack(cos2, sin2))?;
+            stored.axis = Some(file);
+        }
+        Ok((Source::Stored(stored), parts.written))
+    }
+}
+
+fn precision(depth: Depth) -> Precision {
+    match depth {
+        Depth::F32 => Precision::Float,
+        _ => Precision::Half,
+    }
+}
+
+/// The files of a set that hold its numbers.
+struct Parts<'a> {
+    stem: &'a Path,
+    size: Size,
+    record: MapRecord,
+    written: Vec<Written>,
+}
+
+impl Parts<'_> {
+    /// Writes channels of this depth, `numbers` of them: codes as a PNG, floats as OpenEXR. Gives the file's name.
+    fn write(
+        &mut self,
+        what: &str,
+        (depth, numbers): (Depth, usize),
+        channels: &[(&str, &[f32])],
+        codes: impl FnOnce() -> Codes,
+    ) -> Result<String> {
+        let is_coded = depth.top().is_some();
+        let ending = if is_coded { "png" } else { "exr" };
+        let path = beside(self.stem, &part(what, ending));
+        self.written.push(if is_coded {
+            write_codes(&path, self.size, numbers, &codes())?
+        } else {
+            let record = self.record.clone();
+            write_part(&path, self.size, channels, record, precision(depth))?
+        });
+        name(&path)
     }
 }
 

@@ -3,11 +3,11 @@
 use super::files::round;
 use crate::analyse::by_stretches;
 use crate::convention::storage::{
-    AxisEncoding, AxisStorage, Codes, Depth, Storage, WidthEncoding, WidthStorage,
+    AxisEncoding, AxisStorage, Depth, Storage, WidthEncoding, WidthStorage,
 };
 use crate::error::Result;
 use crate::filter::{Disc, reduce};
-use crate::map::{AnisoMap, Size, SlopeCovariance, Texel, Wrap};
+use crate::map::{AnisoMap, Size, SlopeCovariance, Texel};
 use crate::math::Axis;
 use crate::recipe::Radius;
 use glam::{DVec2, Vec2};
@@ -34,8 +34,44 @@ pub enum Widths {
     Each,
     /// One that is both: round lobes.
     Round,
+    /// alpha_x; alpha_y is one for all.
+    X,
+    /// alpha_y; alpha_x is one for all.
+    Y,
     /// Neither.
     Same,
+}
+
+impl Widths {
+    /// Whether alpha_x is stored, or what is both.
+    pub(super) fn keep_x(self) -> bool {
+        matches!(self, Self::Each | Self::Round | Self::X)
+    }
+
+    /// Whether alpha_y is stored.
+    pub(super) fn keep_y(self) -> bool {
+        matches!(self, Self::Each | Self::Y)
+    }
+}
+
+/// The width of a round lobe in place of two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rounding {
+    /// That of the same peak.
+    Peak,
+    /// That of the same mean slope variance, which is what Phong's models take the two for.
+    Variance,
+}
+
+impl Rounding {
+    fn width(self, alpha_x: f32, alpha_y: f32) -> f32 {
+        let square = match self {
+            Self::Peak => alpha_x * alpha_y,
+            Self::Variance => 0.5 * (alpha_x * alpha_x + alpha_y * alpha_y),
+        };
+        // The root of a square may be an ulp above the largest width.
+        square.sqrt().min(crate::map::ALPHA_MAX)
+    }
 }
 
 /// Whether the axis changes from texel to texel.
@@ -48,6 +84,43 @@ pub enum Axes {
     Same,
 }
 
+/// How the numbers of a texel are stored, each for itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Channels {
+    /// alpha_x, or the one width of round lobes.
+    pub x: WidthStorage,
+    /// alpha_y.
+    pub y: WidthStorage,
+    /// The axis.
+    pub axis: AxisStorage,
+}
+
+impl Channels {
+    /// To the bit.
+    pub(super) const FULL: Self = Self {
+        x: Storage::FULL.widths,
+        y: Storage::FULL.widths,
+        axis: Storage::FULL.axis,
+    };
+
+    /// Each with its own bits. Integers are even steps of a width's logarithm, and the axis is a double angle, so that whoever
+    /// reads the files may filter them.
+    pub(super) fn new(x: Depth, y: Depth, axis: Depth) -> Self {
+        let width = |depth: Depth| match depth.top() {
+            Some(_) => WidthStorage::new(depth, WidthEncoding::Log),
+            None => WidthStorage {
+                depth,
+                ..Storage::FULL.widths
+            },
+        };
+        Self {
+            x: width(x),
+            y: width(y),
+            axis: AxisStorage::new(axis, AxisEncoding::Double),
+        }
+    }
+}
+
 /// What is kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Form {
@@ -57,8 +130,8 @@ pub struct Form {
     pub widths: Widths,
     /// What is kept of their axes.
     pub axes: Axes,
-    /// How it is stored.
-    pub storage: Storage,
+    /// How it is stored; what is not kept stands there as floats, alpha_y of round lobes as alpha_x.
+    pub channels: Channels,
 }
 
 impl Form {
@@ -68,7 +141,29 @@ impl Form {
             shape,
             widths: Widths::Each,
             axes: Axes::Each,
-            storage: Storage::FULL,
+            channels: Channels::FULL,
+        }
+    }
+
+    /// Part of the numbers of a shape; forms that store the same are equal.
+    pub(super) fn new(shape: Shape, widths: Widths, axes: Axes, channels: Channels) -> Self {
+        let kept = |keep: bool, own: WidthStorage| if keep { own } else { Channels::FULL.x };
+        let x = kept(widths.keep_x(), channels.x);
+        Self {
+            shape,
+            widths,
+            axes,
+            channels: Channels {
+                x,
+                y: match widths {
+                    Widths::Round => x,
+                    _ => kept(widths.keep_y(), channels.y),
+                },
+                axis: match axes {
+                    Axes::Each => channels.axis,
+                    Axes::Same => Channels::FULL.axis,
+                },
+            },
         }
     }
 
@@ -83,16 +178,14 @@ impl Form {
 
     /// Bytes of one texel in memory.
     pub fn bytes_per_texel(&self) -> u64 {
-        let widths = match self.widths {
-            Widths::Each => 2,
-            Widths::Round => 1,
-            Widths::Same => 0,
+        let Channels { x, y, axis } = self.channels;
+        let of = |keep: bool, numbers: usize, depth: Depth| match keep {
+            true => (numbers * depth.bytes()) as u64,
+            false => 0,
         };
-        let axes = match self.axes {
-            Axes::Each => self.storage.axis.encoding.numbers(),
-            Axes::Same => 0,
-        };
-        (widths * self.storage.widths.depth.bytes() + axes * self.storage.axis.depth.bytes()) as u64
+        of(self.widths.keep_x(), 1, x.depth)
+            + of(self.widths.keep_y(), 1, y.depth)
+            + of(self.axes == Axes::Each, axis.encoding.numbers(), axis.depth)
     }
 
     /// Bytes of the whole in memory, not compressed.
@@ -100,9 +193,13 @@ impl Form {
         self.texels() * self.bytes_per_texel()
     }
 
-    /// Whether the numbers are stored as whole codes, so that they may leave some out; floats are whole maps.
-    pub(super) fn is_coded(&self) -> bool {
-        self.storage.widths.depth.top().is_some()
+    /// The depth of a master EXR that holds the form: a map or strip of floats with nothing left out.
+    pub(super) fn master(&self) -> Option<Depth> {
+        let Channels { x, y, axis } = self.channels;
+        let whole = self.widths == Widths::Each && self.axes == Axes::Each;
+        let alike = x.depth == y.depth && x.depth == axis.depth && x.depth.top().is_none();
+        let is_master = whole && alike && matches!(self.shape, Shape::Grid(_));
+        is_master.then_some(x.depth)
     }
 
     /// One word for the shape.
@@ -130,21 +227,46 @@ impl fmt::Display for Form {
                     t.axis.degrees()
                 );
             }
+            // A table of nothing that changes has no length.
+            Shape::Radial(..) if self.bytes_per_texel() == 0 => {}
             Shape::Radial(_, samples) => write!(f, " of {samples}")?,
             Shape::Grid(size) => write!(f, " {size}")?,
         }
         match self.widths {
             Widths::Each => {}
             Widths::Round => f.write_str(", isotropic")?,
+            Widths::X => f.write_str(", constant alpha_y")?,
+            Widths::Y => f.write_str(", constant alpha_x")?,
             Widths::Same => f.write_str(", constant widths")?,
         }
         if self.axes == Axes::Same && self.widths != Widths::Round {
             f.write_str(", one direction")?;
         }
+        match self.stored().as_str() {
+            "" => Ok(()),
+            stored => write!(f, ", {stored}"),
+        }
+    }
+}
+
+impl Form {
+    /// How its numbers are stored, as [`Storage`] says it, or channel by channel where the widths differ; empty without any.
+    pub fn stored(&self) -> String {
+        let Channels { x, y, axis } = self.channels;
+        let alike = (x.depth, x.encoding) == (y.depth, y.encoding);
+        let widths = match self.widths {
+            Widths::Each if !alike => format!("alpha_x {x}, alpha_y {y}"),
+            Widths::Each | Widths::Round | Widths::X => x.to_string(),
+            Widths::Y => y.to_string(),
+            Widths::Same => String::new(),
+        };
+        let storage = Storage { widths: x, axis };
         match (self.widths, self.axes) {
-            (Widths::Same, Axes::Each) => write!(f, ", {}", self.storage.axis),
-            (_, Axes::Same) => write!(f, ", {}", self.storage.widths),
-            _ => write!(f, ", {}", self.storage),
+            (_, Axes::Same) => widths,
+            (Widths::Same, Axes::Each) => axis.to_string(),
+            (Widths::Each, Axes::Each) if !alike => format!("{widths}, axis {axis}"),
+            (Widths::Y, Axes::Each) => Storage { widths: y, axis }.to_string(),
+            (_, Axes::Each) => storage.to_string(),
         }
     }
 }
@@ -164,86 +286,106 @@ pub(super) fn base<'a>(map: &'a AnisoMap, aspect: f32, shape: Shape) -> Result<C
 /// A form with its numbers: what goes into the files, and the map that whoever reads them gets.
 pub(super) struct Kept {
     pub(super) form: Form,
-    /// The codes of the widths, where they are stored: one or two of each texel.
-    pub(super) widths: Option<(usize, Codes)>,
-    /// The codes of the axes.
-    pub(super) axes: Option<Codes>,
     /// What stands for numbers that are the same everywhere.
     pub(super) same: Texel,
-    /// The map before it was rounded to halves, where it is: the file rounds it by itself.
-    pub(super) unrounded: Option<AnisoMap>,
+    /// The numbers before they were stored, of a table before it was laid; none where the map has them.
+    numbers: Option<AnisoMap>,
     /// What is drawn and exported.
     pub(super) map: AnisoMap,
 }
 
 impl Kept {
-    /// Leaves out of a shape's texels what the form leaves out. `full` is the size that a radial table is laid out at.
+    /// Leaves out of a shape's texels what the form leaves out. `full` is the map that they are those of, and `whole` what is
+    /// typical of it: in a table a few texels around the centre would count like many far out.
     pub(super) fn new(
         base: &AnisoMap,
         mut form: Form,
-        aspect: f32,
-        full: (Size, Wrap),
+        rounding: Rounding,
+        (full, aspect): (&AnisoMap, f32),
+        whole: Texel,
     ) -> Result<Self> {
         let same = match form.shape {
             Shape::Constant(texel) => texel,
-            _ => typical(base),
+            Shape::Grid(_) => whole,
+            // The axis is told against the outward direction.
+            Shape::Radial(..) => Texel {
+                axis: typical(base).axis,
+                ..whole
+            },
         };
-        let mut kept = Self {
-            form,
-            widths: None,
-            axes: None,
-            unrounded: None,
-            same,
-            map: base.clone(),
-        };
-        if matches!(form.shape, Shape::Constant(_)) || form.storage == Storage::FULL {
-            leave_out(&mut kept.map, form, same);
-        } else if form.is_coded() {
-            leave_out(&mut kept.map, form, same);
-            let (low, high) = range(&kept.map);
-            form.storage.widths = form.storage.widths.over(low, high);
-            kept.form = form;
-            kept.store()?;
-        } else {
-            kept.map = halved(base)?;
-            kept.unrounded = Some(base.clone());
+        let mut numbers = base.clone();
+        leave_out(&mut numbers, form, rounding, same);
+        if form.bytes_per_texel() == 0 {
+            // A table of nothing but numbers that are the same everywhere has no length.
+            numbers = AnisoMap::constant(Size::new(1, 1)?, base.wrap(), same);
         }
+        let as_it_is =
+            matches!(form.shape, Shape::Constant(_)) || form.master() == Some(Depth::F32);
+        if as_it_is {
+            return Ok(Self {
+                form,
+                same,
+                numbers: None,
+                map: numbers,
+            });
+        }
+        form.channels = ranged(form, &numbers);
+        let mut map = match form.master() {
+            Some(_) => halved(&numbers)?,
+            None => stored(form, &numbers),
+        };
         if let Shape::Radial(radius, _) = form.shape {
-            let (size, wrap) = full;
-            kept.map = radius.disc(aspect).lay(&kept.map, size, wrap);
+            map = radius.disc(aspect).lay(&map, full.size(), full.wrap());
         }
-        Ok(kept)
+        Ok(Self {
+            form,
+            same,
+            numbers: Some(numbers),
+            map,
+        })
     }
 
-    /// Makes codes of the map, and the map that they give back.
-    fn store(&mut self) -> Result<()> {
-        let Form {
-            widths,
-            axes,
-            storage,
-            ..
-        } = self.form;
-        let packed = storage.pack(&self.map);
-        let mut map = packed.unpack(self.map.size(), self.map.wrap())?;
-        let region = map.region_mut();
-        match widths {
-            Widths::Each => self.widths = Some((2, packed.widths)),
-            Widths::Round => self.widths = Some((1, every_second(packed.widths))),
-            Widths::Same => {
-                region.alpha_x.fill(self.same.alpha_x);
-                region.alpha_y.fill(self.same.alpha_y);
-            }
-        }
-        match axes {
-            Axes::Each => self.axes = Some(packed.axis),
-            Axes::Same => {
-                region.cos2.fill(self.same.axis.cos2);
-                region.sin2.fill(self.same.axis.sin2);
-            }
-        }
-        self.map = map;
-        Ok(())
+    /// The numbers before they were stored, of the shape's own size.
+    pub(super) fn numbers(&self) -> &AnisoMap {
+        self.numbers.as_ref().unwrap_or(&self.map)
     }
+}
+
+/// The form's channels with integers over just the widths that there are.
+fn ranged(form: Form, numbers: &AnisoMap) -> Channels {
+    let own = |storage: WidthStorage, plane: &[f32]| match storage.depth.top() {
+        None => storage,
+        Some(_) => {
+            let (low, high) = range(plane);
+            storage.over(low, high)
+        }
+    };
+    Channels {
+        x: own(form.channels.x, numbers.alpha_x()),
+        y: own(form.channels.y, numbers.alpha_y()),
+        ..form.channels
+    }
+}
+
+/// What a reader gets of numbers that are stored channel by channel.
+fn stored(form: Form, numbers: &AnisoMap) -> AnisoMap {
+    let Channels { x, y, axis } = form.channels;
+    let mut map = numbers.clone();
+    let region = map.region_mut();
+    if form.widths.keep_x() {
+        x.unpack(&x.pack(numbers.alpha_x()), region.alpha_x);
+    }
+    if form.widths.keep_y() {
+        y.unpack(&y.pack(numbers.alpha_y()), region.alpha_y);
+    }
+    if form.widths == Widths::Round {
+        region.alpha_y.copy_from_slice(region.alpha_x);
+    }
+    if form.axes == Axes::Each {
+        let codes = axis.pack(numbers.cos2(), numbers.sin2());
+        axis.unpack(&codes, region.cos2, region.sin2);
+    }
+    map
 }
 
 /// The map as a master file of halves gives it back.
@@ -259,17 +401,18 @@ fn halved(map: &AnisoMap) -> Result<AnisoMap> {
 }
 
 /// Puts one value where the form keeps only one.
-fn leave_out(map: &mut AnisoMap, form: Form, same: Texel) {
+fn leave_out(map: &mut AnisoMap, form: Form, rounding: Rounding, same: Texel) {
     let region = map.region_mut();
     match form.widths {
         Widths::Each => {}
         Widths::Round => {
             for (x, y) in region.alpha_x.iter_mut().zip(region.alpha_y.iter_mut()) {
-                // The same peak; sqrt of a square may be an ulp above the largest width.
-                let alpha = (*x * *y).sqrt().min(crate::map::ALPHA_MAX);
+                let alpha = rounding.width(*x, *y);
                 (*x, *y) = (alpha, alpha);
             }
         }
+        Widths::X => region.alpha_y.fill(same.alpha_y),
+        Widths::Y => region.alpha_x.fill(same.alpha_x),
         Widths::Same => {
             region.alpha_x.fill(same.alpha_x);
             region.alpha_y.fill(same.alpha_y);
@@ -281,18 +424,9 @@ fn leave_out(map: &mut AnisoMap, form: Form, same: Texel) {
     }
 }
 
-fn every_second(codes: Codes) -> Codes {
-    match codes {
-        Codes::U8(v) => Codes::U8(v.into_iter().step_by(2).collect()),
-        Codes::U16(v) => Codes::U16(v.into_iter().step_by(2).collect()),
-        Codes::F16(v) => Codes::F16(v.into_iter().step_by(2).collect()),
-        Codes::F32(v) => Codes::F32(v.into_iter().step_by(2).collect()),
-    }
-}
-
-/// The smallest and the largest width.
-fn range(map: &AnisoMap) -> (f32, f32) {
-    let all = || map.alpha_x().iter().chain(map.alpha_y()).copied();
+/// The smallest and the largest of a plane of widths.
+fn range(plane: &[f32]) -> (f32, f32) {
+    let all = || plane.iter().copied();
     (
         all().fold(f32::INFINITY, f32::min),
         all().fold(0.0, f32::max),
@@ -384,22 +518,6 @@ pub(super) fn round_degrees(axis: Axis) -> f32 {
     if degrees >= 180.0 { 0.0 } else { degrees }
 }
 
-/// The storages of whole codes that are tried, and halves: widths in steps of their logarithm over just the range there is, the
-/// axis as a double angle, so that whoever reads the files may filter them.
-pub(super) fn storages() -> Vec<Storage> {
-    let coded = |widths, axis| Storage {
-        widths: WidthStorage::new(widths, WidthEncoding::Log),
-        axis: AxisStorage::new(axis, AxisEncoding::Double),
-    };
-    vec![
-        coded(Depth::U8, Depth::U8),
-        coded(Depth::U16, Depth::U8),
-        coded(Depth::U8, Depth::U16),
-        Storage::new(Depth::F16, WidthEncoding::Linear),
-        coded(Depth::U16, Depth::U16),
-    ]
-}
-
 /// A radial shape around a centre, reaching to the map's farthest corner.
 pub(super) fn radial(center: Vec2, aspect: f32, samples: u32) -> Shape {
     let disc = Disc::around(center, aspect);
@@ -413,7 +531,7 @@ pub(super) fn radial(center: Vec2, aspect: f32, samples: u32) -> Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::DEFAULT_TEXEL;
+    use crate::map::{DEFAULT_TEXEL, Wrap};
 
     fn map() -> AnisoMap {
         let size = Size::new(8, 4).unwrap();
@@ -431,56 +549,100 @@ mod tests {
 
     fn kept(form: Form) -> Kept {
         let map = map();
-        Kept::new(&map, form, 2.0, (map.size(), map.wrap())).unwrap()
+        Kept::new(&map, form, Rounding::Peak, (&map, 2.0), typical(&map)).unwrap()
+    }
+
+    fn grid() -> Shape {
+        Shape::Grid(Size::new(8, 4).unwrap())
+    }
+
+    const ALL_U8: [Depth; 3] = [Depth::U8; 3];
+
+    fn form(widths: Widths, axes: Axes, [x, y, axis]: [Depth; 3]) -> Form {
+        Form::new(grid(), widths, axes, Channels::new(x, y, axis))
     }
 
     #[test]
     fn bytes_are_those_of_what_is_kept() {
-        let form = Form {
-            storage: storages()[0],
-            ..Form::full(Shape::Grid(Size::new(8, 4).unwrap()))
-        };
-        assert_eq!(
-            (form.bytes(), Form::full(form.shape).bytes()),
-            (32 * 4, 32 * 16)
-        );
-        let round = Form {
-            widths: Widths::Round,
-            axes: Axes::Same,
-            ..form
-        };
-        assert_eq!(round.bytes(), 32);
+        let full = Form::full(grid());
+        assert_eq!((full.bytes(), full.master()), (32 * 16, Some(Depth::F32)));
+        for (form, bytes, told) in [
+            (form(Widths::Each, Axes::Each, ALL_U8), 4, "u8-log"),
+            (
+                form(Widths::Round, Axes::Same, ALL_U8),
+                1,
+                "isotropic, u8-log",
+            ),
+            (
+                form(Widths::Same, Axes::Each, ALL_U8),
+                2,
+                "constant widths, u8-double",
+            ),
+            (
+                form(Widths::Each, Axes::Each, [Depth::U16, Depth::U8, Depth::U8]),
+                5,
+                "alpha_x u16-log, alpha_y u8-log, axis u8-double",
+            ),
+            (
+                form(Widths::X, Axes::Same, [Depth::F32, Depth::U8, Depth::U8]),
+                4,
+                "constant alpha_y, one direction, f32",
+            ),
+            (
+                form(Widths::Y, Axes::Each, [Depth::U8, Depth::U16, Depth::U8]),
+                4,
+                "constant alpha_x, u16-log/u8-double",
+            ),
+        ] {
+            assert_eq!(form.bytes(), 32 * bytes, "{form}");
+            assert_eq!(form.to_string(), format!("map 8x4, {told}"));
+            assert_eq!(form.master(), None, "{form}");
+        }
         assert_eq!(Form::full(Shape::Constant(DEFAULT_TEXEL)).bytes(), 0);
-        assert_eq!(round.to_string(), "map 8x4, isotropic, u8-log");
+    }
+
+    #[test]
+    fn what_is_not_stored_tells_no_forms_apart() {
+        let [fine, coarse] = [[Depth::U8, Depth::U16, Depth::F32], ALL_U8];
+        let same = |widths, axes| form(widths, axes, fine) == form(widths, axes, coarse);
+        assert!(same(Widths::X, Axes::Same) && same(Widths::Round, Axes::Same));
+        assert!(!same(Widths::Y, Axes::Same) && !same(Widths::X, Axes::Each));
     }
 
     #[test]
     fn what_is_left_out_is_the_same_everywhere_and_the_rest_is_kept() {
-        let shape = Shape::Grid(Size::new(8, 4).unwrap());
-        let form = Form {
-            storage: storages()[4],
-            ..Form::full(shape)
-        };
-        let one = kept(Form {
-            axes: Axes::Same,
-            ..form
-        });
-        assert!(one.axes.is_none() && one.widths.as_ref().unwrap().0 == 2);
+        let fine = [Depth::U16; 3];
+        let one = kept(form(Widths::Each, Axes::Same, fine));
         assert!(one.map.cos2().iter().all(|c| *c == one.same.axis.cos2));
         assert!((one.map.texel_at(9).alpha_x / map().texel_at(9).alpha_x - 1.0).abs() < 1e-3);
-        let same = kept(Form {
-            widths: Widths::Same,
-            ..form
-        });
-        assert!(same.widths.is_none());
+        let same = kept(form(Widths::Same, Axes::Each, fine));
+        assert!(same.map.alpha_x().iter().all(|a| *a == same.same.alpha_x));
         assert!(same.map.texel_at(3).axis.angle_to(map().texel_at(3).axis) < 1e-3);
-        let round = kept(Form {
-            widths: Widths::Round,
-            axes: Axes::Same,
-            ..form
-        });
-        assert_eq!(round.widths.as_ref().unwrap().1.len(), 32);
+        let round = kept(form(Widths::Round, Axes::Same, fine));
         assert_eq!(round.map.alpha_x(), round.map.alpha_y());
-        assert_eq!(kept(Form::full(shape)).map, map());
+        let x = kept(form(Widths::X, Axes::Each, fine));
+        assert!(x.map.alpha_y().iter().all(|a| *a == x.same.alpha_y));
+        assert!((x.map.texel_at(9).alpha_x / map().texel_at(9).alpha_x - 1.0).abs() < 1e-4);
+        assert_eq!(kept(Form::full(grid())).map, map());
+    }
+
+    #[test]
+    fn each_channel_has_bits_and_a_range_of_its_own() {
+        let kept = kept(form(
+            Widths::Each,
+            Axes::Each,
+            [Depth::U8, Depth::F32, Depth::F16],
+        ));
+        let Channels { x, y, .. } = kept.form.channels;
+        assert_eq!((x.low, y.depth), (0.05, Depth::F32));
+        assert!((x.high - 0.36).abs() < 1e-6, "{x:?}");
+        let (was, is) = (map(), &kept.map);
+        assert_eq!(was.alpha_y(), is.alpha_y());
+        for i in 0..32 {
+            let (was, is) = (was.texel_at(i), is.texel_at(i));
+            let off = (is.alpha_x / was.alpha_x - 1.0).abs();
+            assert!(off <= x.relative_error(was.alpha_x) + 1e-6, "{i}: {off}");
+            assert!(was.axis.angle_to(is.axis) <= kept.form.channels.axis.angle_error() + 1e-6);
+        }
     }
 }

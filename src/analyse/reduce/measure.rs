@@ -5,22 +5,27 @@ use crate::analyse::flip::{mean, quantile};
 use crate::analyse::{ColourDifference, Flip, PIXELS_PER_DEGREE};
 use crate::brdf::Model;
 use crate::error::{Error, Result};
+use crate::filter::Pyramid;
 use crate::map::{AnisoMap, Size};
+use crate::mesh::Mesh;
 use crate::preview::{
-    Background, Look, Picture, Quality, REFERENCE_SAMPLES, SAMPLES_MAX, Scene, Subject, Timings,
-    render, render_reference,
+    Background, Frame, Look, Material, Picture, Prepared, Quality, REFERENCE_SAMPLES, SAMPLES_MAX,
+    Scene, Subject, Timings, render, render_reference,
 };
 use crate::progress::Progress;
 use rayon::prelude::*;
 use serde::Serialize;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// The luminance below which errors count as if the pixel had it: 1 % of white, since nobody sees relative errors in black.
 const DARK: f32 = 0.01;
+/// What is left of white where the mesh hides no sample: one of 48x48 is more than this and rounding together.
+const UNTOUCHED: f32 = 1.0 - 2e-4;
 /// Pictures that a time is the best of.
 const TIMED: usize = 5;
 
-/// How far two pictures are apart, over the pixels where the mesh is seen.
+/// How far two pictures are apart, over the pixels that the mesh touches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct PictureError {
     /// The mean.
@@ -77,12 +82,32 @@ fn errors(metric: Metric, first: &Picture, second: &Picture) -> Result<Vec<f32>>
 /// The full map's pictures, and the means to draw others beside them.
 pub(super) struct Studio<'a> {
     request: &'a Request<'a>,
-    /// Of each setting: the full map's picture with each look, and where the mesh is.
-    drawn: Vec<(Vec<Picture>, Vec<bool>)>,
-    /// The full map's reference pictures of each setting, drawn when the first is asked for.
-    references: Vec<Vec<Picture>>,
+    /// Of each setting, as the search draws it.
+    views: Vec<View>,
+    /// Of each mesh.
+    tables: Vec<Table<'a>>,
+    /// The full map's reference pictures of each setting and where the mesh is, drawn when the first is asked for.
+    references: Vec<(Vec<Picture>, Vec<bool>)>,
     /// Milliseconds of drawing every setting with the full map.
     pub(super) milliseconds: f64,
+}
+
+/// A setting as the search draws it.
+struct View {
+    scene: Scene,
+    /// The number of the mesh's table.
+    table: usize,
+    /// The full map's picture with each look.
+    full: Vec<Picture>,
+    /// The pixels that the mesh touches.
+    seen: Vec<bool>,
+}
+
+/// A mesh, and what its pictures keep from map to map and from light to light.
+struct Table<'a> {
+    mesh: &'a Arc<Mesh>,
+    prepared: Prepared<'a>,
+    frame: Frame,
 }
 
 impl<'a> Studio<'a> {
@@ -91,17 +116,56 @@ impl<'a> Studio<'a> {
     pub(super) fn new(request: &'a Request<'a>, progress: &Progress<'_>) -> Result<Self> {
         let mut studio = Self {
             request,
-            drawn: Vec::new(),
+            views: Vec::new(),
+            tables: Vec::new(),
             references: Vec::new(),
             milliseconds: 0.0,
         };
         for setting in request.settings {
-            let pictures = studio.draw(setting, request.map, request.looks, progress)?;
-            let seen = studio.seen(setting, progress)?;
-            studio.drawn.push((pictures, seen));
+            let table = studio.table(&setting.mesh)?;
+            let scene = studio.scene_of_search(&setting.scene);
+            let Table {
+                prepared, frame, ..
+            } = &mut studio.tables[table];
+            let mut full = Vec::new();
+            for look in request.looks {
+                frame.draw(prepared, &scene, *look, &Timings::off(), progress)?;
+                full.push(frame.picture().clone());
+            }
+            let seen = studio.seen(setting, |subject, silhouette, look| {
+                render(subject, silhouette, &[look], request.size, progress)
+            })?;
+            if !seen.contains(&true) {
+                return Err(shows_nothing(setting));
+            }
+            studio.views.push(View {
+                scene,
+                table,
+                full,
+                seen,
+            });
         }
         studio.milliseconds = studio.time(request.map, request.looks, progress)?;
         Ok(studio)
+    }
+
+    /// The table of a mesh, with the full map on it.
+    fn table(&mut self, mesh: &'a Arc<Mesh>) -> Result<usize> {
+        if let Some(known) = self.tables.iter().position(|t| Arc::ptr_eq(t.mesh, mesh)) {
+            return Ok(known);
+        }
+        let Request {
+            map,
+            material,
+            size,
+            ..
+        } = *self.request;
+        self.tables.push(Table {
+            mesh,
+            prepared: Prepared::new(Arc::clone(mesh), map, *material, &Timings::off())?,
+            frame: Frame::new(size),
+        });
+        Ok(self.tables.len() - 1)
     }
 
     fn subject<'b>(&'b self, setting: &'b Setting, map: &'b AnisoMap) -> Subject<'b> {
@@ -110,19 +174,6 @@ impl<'a> Studio<'a> {
             map,
             material: self.request.material,
         }
-    }
-
-    fn draw(
-        &self,
-        setting: &Setting,
-        map: &AnisoMap,
-        looks: &[Look],
-        progress: &Progress<'_>,
-    ) -> Result<Vec<Picture>> {
-        let subject = self.subject(setting, map);
-        let scene = self.scene_of_search(&setting.scene);
-        let size = self.request.size;
-        render(subject, &scene, looks, size, progress)
     }
 
     /// The scene with as many samples as there may be, and as close to the reference as that allows: levels of a map take part
@@ -165,61 +216,67 @@ impl<'a> Studio<'a> {
         across.max(map.height().div_ceil(size.height()))
     }
 
-    /// Pixels that the mesh covers by half or more: where the colour behind it does not show.
-    fn seen(&self, setting: &Setting, progress: &Progress<'_>) -> Result<Vec<bool>> {
-        let against = |grey: f32| -> Result<Picture> {
-            let scene = Scene {
-                lights: Vec::new(),
-                background: Background {
-                    top: [grey; 3],
-                    bottom: [grey; 3],
-                },
-                ..setting.scene.clone()
-            };
-            let bare = Setting {
-                scene,
-                ..setting.clone()
-            };
-            let lambert = Look {
-                model: Model::Lambert,
-                mean: false,
-            };
-            Ok(self
-                .draw(&bare, self.request.map, &[lambert], progress)?
-                .swap_remove(0))
+    /// Pixels that the mesh touches, if only with one sample, in a picture that `draw` draws of the setting's mesh: black before
+    /// white.
+    fn seen(
+        &self,
+        setting: &Setting,
+        draw: impl FnOnce(Subject<'_>, &Scene, Look) -> Result<Vec<Picture>>,
+    ) -> Result<Vec<bool>> {
+        let silhouette = Scene {
+            lights: Vec::new(),
+            background: Background {
+                top: [1.0; 3],
+                bottom: [1.0; 3],
+            },
+            samples: SAMPLES_MAX,
+            ..setting.scene.clone()
         };
-        let (black, white) = (against(0.0)?, against(1.0)?);
-        let pairs = black.pixels().iter().zip(white.pixels());
-        let seen: Vec<bool> = pairs.map(|(a, b)| b[1] - a[1] < 0.5).collect();
-        if seen.contains(&true) {
-            return Ok(seen);
-        }
-        Err(Error::invalid(
-            "the picture",
-            format!("empty: no pixel of it is covered by {}", setting.name()),
-            "allowed: scenes that show the mesh",
-        )
-        .with_hint("Make the picture larger, or turn the camera toward the mesh"))
+        let black = Material {
+            diffuse: [0.0; 3],
+            specular: [0.0; 3],
+            ambient: [0.0; 3],
+        };
+        let subject = Subject {
+            material: &black,
+            ..self.subject(setting, self.request.map)
+        };
+        let lambert = Look {
+            model: Model::Lambert,
+            mean: false,
+        };
+        let picture = draw(subject, &silhouette, lambert)?.swap_remove(0);
+        Ok(picture.pixels().iter().map(|p| p[1] < UNTOUCHED).collect())
     }
 
     /// The error of a map and looks in the setting and with the look where it is worst, as the search draws them. One look
     /// may stand in place of the only one asked for.
     pub(super) fn error(
-        &self,
+        &mut self,
         map: &AnisoMap,
         looks: &[Look],
         progress: &Progress<'_>,
     ) -> Result<PictureError> {
+        let (request, off) = (self.request, Timings::off());
         let mut worst = PictureError::default();
-        for (setting, (full, seen)) in self.request.settings.iter().zip(&self.drawn) {
-            let pictures = self.draw(setting, map, looks, progress)?;
-            for (full, picture) in full.iter().zip(&pictures) {
-                let found = PictureError::of(&errors(self.request.metric, full, picture)?, seen);
-                worst = self.worse(worst, found);
+        let mut laid = None;
+        for view in &self.views {
+            let Table {
+                prepared, frame, ..
+            } = &mut self.tables[view.table];
+            if laid != Some(view.table) {
+                prepared.set_map(Pyramid::new(map.clone()));
+                laid = Some(view.table);
             }
-            // One setting that fails is enough.
-            if !worst.is_within(self.request.tolerance) {
-                break;
+            for (look, full) in looks.iter().zip(&view.full) {
+                frame.draw(prepared, &view.scene, *look, &off, progress)?;
+                let values = errors(request.metric, full, frame.picture())?;
+                let found = PictureError::of(&values, &view.seen);
+                worst = worse(worst, found, request.limit());
+                // One picture that fails is enough.
+                if !worst.is_within(request.tolerance) {
+                    return Ok(worst);
+                }
             }
         }
         Ok(worst)
@@ -234,29 +291,32 @@ impl<'a> Studio<'a> {
     ) -> Result<Vec<PictureError>> {
         let (request, settings) = (self.request, self.request.settings);
         if self.references.is_empty() {
-            self.references = settings
-                .iter()
-                .map(|s| self.draw_reference(s, request.map, request.looks, progress))
-                .collect::<Result<_>>()?;
+            let samples = self.reference_samples();
+            let drawn = settings.iter().map(|setting| {
+                let full = self.draw_reference(setting, request.map, request.looks, progress)?;
+                let seen = self.seen(setting, |subject, silhouette, look| {
+                    render_reference(
+                        subject,
+                        silhouette,
+                        &[look],
+                        request.size,
+                        samples,
+                        progress,
+                    )
+                })?;
+                Ok((full, seen))
+            });
+            self.references = drawn.collect::<Result<_>>()?;
         }
         let mut measured = Vec::new();
-        for (i, setting) in settings.iter().enumerate() {
+        for (setting, (full, seen)) in settings.iter().zip(&self.references) {
             let pictures = self.draw_reference(setting, map, looks, progress)?;
-            for (full, picture) in self.references[i].iter().zip(&pictures) {
+            for (full, picture) in full.iter().zip(&pictures) {
                 let values = errors(request.metric, full, picture)?;
-                measured.push(PictureError::of(&values, &self.drawn[i].1));
+                measured.push(PictureError::of(&values, seen));
             }
         }
         Ok(measured)
-    }
-
-    fn worse(&self, a: PictureError, b: PictureError) -> PictureError {
-        let tolerance = self.request.limit();
-        if b.share(tolerance) >= a.share(tolerance) {
-            b
-        } else {
-            a
-        }
     }
 
     /// Milliseconds of drawing every setting once, the map being prepared: the best of a few.
@@ -281,6 +341,24 @@ impl<'a> Studio<'a> {
         }
         Ok(sum)
     }
+}
+
+/// The one of two errors that takes more of the tolerance.
+fn worse(a: PictureError, b: PictureError, tolerance: f32) -> PictureError {
+    if b.share(tolerance) >= a.share(tolerance) {
+        b
+    } else {
+        a
+    }
+}
+
+fn shows_nothing(setting: &Setting) -> Error {
+    Error::invalid(
+        "the picture",
+        format!("empty: no pixel of it is covered by {}", setting.name()),
+        "allowed: scenes that show the mesh",
+    )
+    .with_hint("Make the picture larger, or turn the camera toward the mesh")
 }
 
 /// The fewest samples along a pixel's side that are as many as `wanted`, or the most that a picture of `size` can be drawn with.
@@ -315,6 +393,56 @@ mod tests {
         let error = |a, b| errors(Metric::Luminance, &grey(a), &grey(b)).unwrap()[0];
         assert!((error(0.5, 0.4) - 0.2).abs() < 1e-6);
         assert!((error(0.001, 0.002) - 0.1).abs() < 1e-6);
+    }
+
+    #[test]
+    fn every_pixel_that_the_mesh_touches_counts() {
+        let mesh = Arc::new(crate::mesh::builtin("torus").unwrap());
+        let grey = [0.25; 3];
+        let scene = Scene {
+            background: Background {
+                top: grey,
+                bottom: grey,
+            },
+            exposure: -2.0,
+            ..Scene::for_mesh(&mesh)
+        };
+        let settings = [Setting {
+            mesh_name: "torus".to_owned(),
+            light_name: "studio".to_owned(),
+            mesh,
+            scene,
+        }];
+        let map = AnisoMap::constant(
+            Size::new(2, 2).unwrap(),
+            crate::map::Wrap::Repeat,
+            crate::map::DEFAULT_TEXEL,
+        );
+        let request = Request {
+            map: &map,
+            aspect: 1.0,
+            material: &Material::default(),
+            looks: &[Look::default()],
+            settings: &settings,
+            metric: Metric::Flip,
+            tolerance: 0.1,
+            size: Size::new(64, 64).unwrap(),
+            formats: &[],
+        };
+        let none = Progress::none();
+        let mut studio = Studio::new(&request, &none).unwrap();
+        studio.reference_errors(&map, request.looks, &none).unwrap();
+        let (full, seen) = &studio.references[0];
+        let search = &studio.views[0];
+        for (picture, seen) in [(&full[0], seen), (&search.full[0], &search.seen)] {
+            let differs = |p: &[f32; 3]| p.iter().any(|c| (c - 0.25).abs() > 1e-6);
+            let pixels = picture.pixels().iter().zip(seen);
+            // Light never happens to be just the background's, and no pixel of the background is counted.
+            assert!(pixels.clone().all(|(p, seen)| differs(p) == *seen));
+        }
+        // The reference looks with more samples: it finds pixels of which the mesh covers less.
+        let count = |seen: &[bool]| seen.iter().filter(|s| **s).count();
+        assert!(count(seen) > count(&search.seen));
     }
 
     #[test]

@@ -1,34 +1,38 @@
 //! The least that looks the same: no map, a strip, a smaller map, fewer numbers, fewer bits, a cheaper model.
 //!
-//! Each kind of saving is first tried alone on the full map, the hopeless ones judged by a closed form (`predict`). What passes
+//! Each kind of saving is first tried alone on the full map, but for those that a closed form (`predict`) clears. What passes
 //! alone is then combined, from the fewest bytes upward, and each combination is drawn in every one of the user's scenes, since
 //! errors add up. The first that passes is drawn once more by the reference (f64, many samples a pixel) beside the full map's
 //! reference; only if it is within the tolerance there too it is taken, or else the search goes on. The full map in floats is always
-//! left, and has no error.
+//! left, and has no error. Nothing is refused by a closed form: that of a lobe knows neither the model, which may read the widths
+//! as one, nor whether the scene shows any highlight.
 
 mod files;
 mod form;
+mod formats;
 mod measure;
 mod predict;
 mod report;
 
 pub use files::{REPORT, Saved, check_output};
-pub use form::{Axes, Form, Shape, Widths};
+pub use form::{Axes, Channels, Form, Shape, Widths};
 pub use measure::PictureError;
 
 use super::field::{Pole, Poles, walk};
 use crate::brdf::Model;
-use crate::convention::storage::{Depth, Storage, WidthEncoding};
+use crate::convention::storage::Depth;
 use crate::error::{Error, Result};
-use crate::map::{AnisoMap, Size};
+use crate::export::exr::Precision;
+use crate::map::{AnisoMap, DEFAULT_TEXEL, Size, Texel};
 use crate::mesh::Mesh;
 use crate::preview::{Look, Scene};
 use crate::progress::Progress;
-use crate::recipe::Material;
-use form::Kept;
+use crate::recipe::{Material, Target};
+use form::{Kept, Rounding};
+use formats::given_back;
 use glam::Vec2;
 use measure::Studio;
-use predict::{Predictor, is_clear, is_hopeless};
+use predict::{Predictor, is_clear};
 use serde::Serialize;
 use std::fmt;
 use std::str::FromStr;
@@ -139,6 +143,8 @@ pub struct Request<'a> {
     pub tolerance: f32,
     /// The size of the pictures.
     pub size: Size,
+    /// The formats of files to be judged, if they are files of maps: whether what they give back of the reduced map is seen.
+    pub formats: &'a [Target],
 }
 
 impl Request<'_> {
@@ -184,11 +190,9 @@ pub enum Verdict {
     Same,
     /// It is seen.
     Seen,
-    /// The closed form says that it is far over the tolerance; nothing was drawn.
-    Hopeless,
     /// The closed form says that it is far under the tolerance: it is drawn when it is combined with others.
     Clear,
-    /// Its parts, measured alone, add up to more than the tolerance; nothing was drawn.
+    /// Its parts, measured alone, add up to half as much again as the tolerance; nothing was drawn.
     AddsUp,
     /// It looks the same with the samples of the search, but not by the reference.
     SeenByReference,
@@ -201,7 +205,6 @@ impl Verdict {
             Self::Taken => "taken",
             Self::Same => "looks the same",
             Self::Seen => "is seen",
-            Self::Hopeless => "far over by its closed form, not drawn",
             Self::Clear => "looks the same by its closed form",
             Self::AddsUp => "its parts add up to more, not drawn",
             Self::SeenByReference => "is seen by the reference",
@@ -251,9 +254,11 @@ pub struct Reduction {
     pub k_max: f32,
     /// Samples along a pixel's side of the reference; none where the full map is kept to the bit and nothing was measured.
     pub reference_samples: Option<u32>,
-    /// The depths of exported files, one of [`Depth::U8`], [`Depth::U16`] and [`Depth::F16`] each, in which the reduced map would be
-    /// seen to differ from the full one: those formats are coarser than the tolerance allows.
-    pub seen_in: Vec<Depth>,
+    /// Of the formats asked about those whose files, written and read back, would be seen to differ from the full map: they are
+    /// coarser than the tolerance allows. EXR files with halves, which are the usual ones.
+    pub seen_in: Vec<Target>,
+    /// Those of them that would be seen even if they had floats; formats without a choice among them.
+    pub seen_in_floats: Vec<Target>,
     /// Texels along a pixel's side where one turn of the full map fills the picture: the samples that the reference wants.
     pub texels_a_pixel: u32,
     /// Bytes of the full map in memory.
@@ -282,25 +287,8 @@ impl Reduction {
 /// When the tolerance, a scene or a mesh cannot be used, and when `progress` cancels.
 pub fn least(request: &Request<'_>, progress: &Progress<'_>) -> Result<Reduction> {
     request.check()?;
-    let mut search = Search {
-        studio: Studio::new(request, progress)?,
-        predictor: Predictor::new(request.map, request.material, request.size)?,
-        request,
-        reads_texels: (request.looks.iter()).any(|l| !l.mean && l.model != Model::Lambert),
-        progress,
-        trials: Vec::new(),
-        known: Vec::new(),
-        models: Vec::new(),
-    };
-    search.run()
+    Search::new(request, progress)?.run()
 }
-
-/// How files hold widths: those of 8 bits their roots, as both glTF and the PNG set do.
-const EXPORTED: [(Depth, WidthEncoding); 3] = [
-    (Depth::U8, WidthEncoding::Sqrt),
-    (Depth::U16, WidthEncoding::Linear),
-    (Depth::F16, WidthEncoding::Linear),
-];
 
 /// A part that passed alone, with its share of the tolerance.
 type Passed<T> = Vec<(T, f64)>;
@@ -309,14 +297,15 @@ struct Search<'a> {
     request: &'a Request<'a>,
     studio: Studio<'a>,
     predictor: Predictor,
-    /// Whether a look reads the map texel by texel, which is what the closed forms speak of.
-    reads_texels: bool,
     progress: &'a Progress<'a>,
     trials: Vec<Trial>,
     /// Forms that were tried, and what share of the tolerance those that look the same take.
     known: Vec<(Form, Option<f64>)>,
-    /// Cheaper models that are worth drawing.
-    models: Vec<Model>,
+    /// The texels of the shape that was tried last, before anything is left out.
+    base: Option<(Shape, AnisoMap)>,
+    rounding: Rounding,
+    /// What is typical of the full map.
+    typical: Texel,
 }
 
 /// Models that are cheaper than one, the cheapest first: those that `cargo bench --bench brdf` measures at least a tenth faster.
@@ -327,18 +316,37 @@ fn cheaper(model: Model) -> &'static [Model] {
         Model::WardExact | Model::WardDuer | Model::WardBounded | Model::Ggx => &[Model::Lambert],
         Model::Beckmann => &[
             Model::Lambert,
+            Model::WardDuer,
             Model::WardExact,
             Model::WardBounded,
             Model::Ggx,
+            Model::Ward,
         ],
         Model::BlinnPhong => &[Model::Lambert, Model::WardExact],
         Model::Phong => &[Model::Lambert, Model::WardExact, Model::BlinnPhong],
     }
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(request: &'a Request<'a>, progress: &'a Progress<'a>) -> Result<Self> {
+        let is_round = |l: &Look| matches!(l.model, Model::Phong | Model::BlinnPhong);
+        Ok(Self {
+            studio: Studio::new(request, progress)?,
+            predictor: Predictor::new(request.map, request.material, request.size)?,
+            request,
+            progress,
+            trials: Vec::new(),
+            known: Vec::new(),
+            base: None,
+            rounding: match request.looks.iter().all(is_round) {
+                true => Rounding::Variance,
+                false => Rounding::Peak,
+            },
+            typical: form::typical(request.map),
+        })
+    }
+
     fn run(&mut self) -> Result<Reduction> {
-        self.models = self.possible_models();
         for form in self.constants() {
             if let Some((kept, _)) = self.tried(form)?
                 && let Some(found) = self.confirmed(kept)?
@@ -358,21 +366,31 @@ impl Search<'_> {
         self.full()
     }
 
-    /// Nothing smaller looks the same: the full map.
+    /// Nothing smaller looks the same: the full map, with a cheaper model if that does.
     fn full(&mut self) -> Result<Reduction> {
-        let form = Form::full(Shape::Grid(self.request.map.size()));
+        let (form, request) = (
+            Form::full(Shape::Grid(self.request.map.size())),
+            self.request,
+        );
         let kept = self.kept(form)?;
+        if let Some(look) = self.cheaper_look(&kept)?
+            && let Some(errors) = self.by_reference(&kept, &[look])?
+        {
+            return self.end(kept, &[look], errors);
+        }
         self.log(form, Some(0.0), None, Verdict::Taken);
-        let pictures = self.request.settings.len() * self.request.looks.len();
+        let pictures = request.settings.len() * request.looks.len();
         let errors = vec![PictureError::default(); pictures];
-        self.end(kept, self.request.looks, errors)
+        self.end(kept, request.looks, errors)
     }
 
     fn end(&mut self, kept: Kept, looks: &[Look], errors: Vec<PictureError>) -> Result<Reduction> {
         let full = Form::full(Shape::Grid(self.request.map.size()));
         let measured = kept.form != full || looks != self.request.looks;
+        let (seen_in, seen_in_floats) = self.seen_in(&kept.map, looks)?;
         Ok(Reduction {
-            seen_in: self.seen_in(&kept.map, looks)?,
+            seen_in,
+            seen_in_floats,
             milliseconds: self.studio.time(&kept.map, looks, self.progress)?,
             kept,
             looks: looks.to_vec(),
@@ -386,22 +404,44 @@ impl Search<'_> {
         })
     }
 
-    /// The depths of files in which a map would be seen to differ.
-    fn seen_in(&self, map: &AnisoMap, looks: &[Look]) -> Result<Vec<Depth>> {
-        let (metric, tolerance) = (self.request.metric, self.request.tolerance);
-        let mut seen = Vec::new();
-        for (depth, encoding) in EXPORTED {
-            let stored = Storage::new(depth, encoding).pack(map);
-            let stored = stored.unpack(map.size(), map.wrap())?;
-            if stored == *map || is_clear(metric, self.predictor.of_map(&stored)?, tolerance) {
+    /// The formats whose files would be seen to differ, as they usually are and with floats.
+    fn seen_in(&mut self, map: &AnisoMap, looks: &[Look]) -> Result<(Vec<Target>, Vec<Target>)> {
+        let (mut seen, mut seen_in_floats) = (Vec::new(), Vec::new());
+        let judged = self.request.formats.iter().copied();
+        for format in judged.filter(|format| *format != Target::Preview) {
+            // Both hold the same textures.
+            let twin = format == Target::Gltf && self.request.formats.contains(&Target::Glb);
+            let is_seen = match twin {
+                true => seen.contains(&Target::Glb),
+                false => self.is_seen_in(format, Precision::Half, map, looks)?,
+            };
+            if !is_seen {
                 continue;
             }
-            let error = self.studio.error(&stored, looks, self.progress)?;
-            if !error.is_within(tolerance) {
-                seen.push(depth);
+            seen.push(format);
+            let chooses = matches!(format, Target::Exr | Target::RgbExr);
+            if !chooses || self.is_seen_in(format, Precision::Float, map, looks)? {
+                seen_in_floats.push(format);
             }
         }
-        Ok(seen)
+        Ok((seen, seen_in_floats))
+    }
+
+    fn is_seen_in(
+        &mut self,
+        format: Target,
+        precision: Precision,
+        map: &AnisoMap,
+        looks: &[Look],
+    ) -> Result<bool> {
+        self.progress.check()?;
+        let (metric, tolerance) = (self.request.metric, self.request.tolerance);
+        let stored = given_back(format, precision, map)?;
+        if stored == *map || is_clear(metric, self.predictor.of_map(&stored)?, tolerance) {
+            return Ok(false);
+        }
+        let error = self.studio.error(&stored, looks, self.progress)?;
+        Ok(!error.is_within(tolerance))
     }
 
     fn log(
@@ -421,10 +461,19 @@ impl Search<'_> {
         });
     }
 
-    fn kept(&self, form: Form) -> Result<Kept> {
-        let (map, aspect) = (self.request.map, self.request.aspect);
-        let base = form::base(map, aspect, form.shape)?;
-        Kept::new(&base, form, aspect, (map.size(), map.wrap()))
+    fn kept(&mut self, form: Form) -> Result<Kept> {
+        let (map, aspect, shape) = (self.request.map, self.request.aspect, form.shape);
+        let (full, rounding, whole) = ((map, aspect), self.rounding, self.typical);
+        if shape == Shape::Grid(map.size()) {
+            return Kept::new(map, form, rounding, full, whole);
+        }
+        let base = match self.base.take() {
+            Some((known, base)) if known == shape => base,
+            _ => form::base(map, aspect, shape)?.into_owned(),
+        };
+        let kept = Kept::new(&base, form, rounding, full, whole);
+        self.base = Some((shape, base));
+        kept
     }
 
     /// Draws a form with the looks asked for; gives it back with its share of the tolerance if it looks the same.
@@ -432,27 +481,24 @@ impl Search<'_> {
         if let Some(&(_, share)) = self.known.iter().find(|(known, _)| *known == form) {
             return share.map(|s| Ok((self.kept(form)?, s))).transpose();
         }
-        let found = self.newly_tried(form)?;
-        self.known.push((form, found.as_ref().map(|(_, s)| *s)));
-        Ok(found)
-    }
-
-    fn newly_tried(&mut self, form: Form) -> Result<Option<(Kept, f64)>> {
-        self.progress.expect(1);
         let kept = self.kept(form)?;
         let predicted = self.predictor.of_map(&kept.map)?;
+        let share = self.drawn(form, &kept, predicted)?;
+        Ok(share.map(|share| (kept, share)))
+    }
+
+    /// The share of the tolerance that a form takes, as it is drawn, if it looks the same.
+    fn drawn(&mut self, form: Form, kept: &Kept, predicted: f32) -> Result<Option<f64>> {
+        self.progress.expect(1);
         let request = self.request;
-        if self.reads_texels && is_hopeless(request.metric, predicted, request.limit()) {
-            self.log(kept.form, Some(predicted), None, Verdict::Hopeless);
-            self.progress.step()?;
-            return Ok(None);
-        }
         let error = self.studio.error(&kept.map, request.looks, self.progress)?;
         let same = error.is_within(request.limit());
         let verdict = if same { Verdict::Same } else { Verdict::Seen };
         self.log(kept.form, Some(predicted), Some(error), verdict);
         self.progress.step()?;
-        Ok(same.then(|| (kept, error.share(request.limit()))))
+        let share = same.then(|| error.share(request.limit()));
+        self.known.push((form, share));
+        Ok(share)
     }
 
     /// The share of the tolerance that a form takes alone, if it looks the same.
@@ -463,13 +509,17 @@ impl Search<'_> {
     /// The same without drawing what its closed form clears. Not for sizes: how large a texel is in the picture depends on the
     /// scene.
     fn alone_or_clear(&mut self, form: Form) -> Result<Option<f64>> {
+        if let Some(&(_, share)) = self.known.iter().find(|(known, _)| *known == form) {
+            return Ok(share);
+        }
         let request = self.request;
-        let predicted = self.predictor.of_map(&self.kept(form)?.map)?;
+        let kept = self.kept(form)?;
+        let predicted = self.predictor.of_map(&kept.map)?;
         if is_clear(request.metric, predicted, request.limit()) {
             self.log(form, Some(predicted), None, Verdict::Clear);
             return Ok(Some(0.0));
         }
-        self.alone(form)
+        self.drawn(form, &kept, predicted)
     }
 
     /// Tries cheaper models on what looks the same, and has the reference confirm it; without the cheaper model if need be.
@@ -477,39 +527,47 @@ impl Search<'_> {
         let own = self.request.looks;
         let cheap = self.cheaper_look(&kept)?.map(|look| [look]);
         for looks in cheap.iter().map(<[Look; 1]>::as_slice).chain([own]) {
-            let errors = self
-                .studio
-                .reference_errors(&kept.map, looks, self.progress)?;
-            let tolerance = self.request.limit();
-            let within = errors.iter().all(|e| e.is_within(tolerance));
-            let worst = errors
-                .iter()
-                .copied()
-                .max_by(|a, b| a.share(tolerance).total_cmp(&b.share(tolerance)));
-            self.trials.push(Trial {
-                what: format!("{}, by the reference", kept.form),
-                looks: looks.to_vec(),
-                bytes: kept.form.bytes(),
-                predicted: None,
-                error: worst,
-                verdict: if within {
-                    Verdict::Taken
-                } else {
-                    Verdict::SeenByReference
-                },
-            });
-            if within {
+            if let Some(errors) = self.by_reference(&kept, looks)? {
                 return self.end(kept, looks, errors).map(Some);
             }
         }
         Ok(None)
     }
 
-    /// The cheapest model with which a reduced map looks like the full one with the only look asked for.
+    /// The errors that the reference measures, if they are all within the limit.
+    fn by_reference(&mut self, kept: &Kept, looks: &[Look]) -> Result<Option<Vec<PictureError>>> {
+        let errors = self
+            .studio
+            .reference_errors(&kept.map, looks, self.progress)?;
+        let limit = self.request.limit();
+        let within = errors.iter().all(|e| e.is_within(limit));
+        let worst = errors
+            .iter()
+            .copied()
+            .max_by(|a, b| a.share(limit).total_cmp(&b.share(limit)));
+        self.trials.push(Trial {
+            what: format!("{}, by the reference", kept.form),
+            looks: looks.to_vec(),
+            bytes: kept.form.bytes(),
+            predicted: None,
+            error: worst,
+            verdict: if within {
+                Verdict::Taken
+            } else {
+                Verdict::SeenByReference
+            },
+        });
+        Ok(within.then_some(errors))
+    }
+
+    /// The cheapest model with which a reduced map looks like the full one with the only look asked for; none where there are
+    /// several looks: they are there to be told apart.
     fn cheaper_look(&mut self, kept: &Kept) -> Result<Option<Look>> {
         let request = self.request;
-        let own = request.looks[0];
-        for model in self.models.clone() {
+        let &[own] = request.looks else {
+            return Ok(None);
+        };
+        for &model in cheaper(own.model) {
             let look = Look { model, ..own };
             let error = self.studio.error(&kept.map, &[look], self.progress)?;
             let same = error.is_within(request.limit());
@@ -528,37 +586,10 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// The cheaper models that are not out of the question by their closed form; those that are, are told once. None where there
-    /// are several looks: they are there to be told apart.
-    fn possible_models(&mut self) -> Vec<Model> {
-        let request = self.request;
-        let &[own] = request.looks else {
-            return Vec::new();
-        };
-        let full = Form::full(Shape::Grid(request.map.size()));
-        let mut possible = Vec::new();
-        for &model in cheaper(own.model) {
-            let predicted = self.predictor.of_model(own.model, model);
-            if !predicted.is_some_and(|p| is_hopeless(request.metric, p, request.limit())) {
-                possible.push(model);
-                continue;
-            }
-            self.trials.push(Trial {
-                what: format!("model {model}"),
-                looks: vec![Look { model, ..own }],
-                bytes: full.bytes(),
-                predicted,
-                error: None,
-                verdict: Verdict::Hopeless,
-            });
-        }
-        possible
-    }
-
     /// No map: one texel, by its mean lobe and by its typical numbers.
     fn constants(&self) -> Vec<Form> {
         let map = self.request.map;
-        let mut texels = vec![form::mean_lobe(map), form::typical(map)];
+        let mut texels = vec![form::mean_lobe(map), self.typical];
         texels.dedup();
         let shapes = texels.into_iter().map(Shape::Constant);
         shapes.map(Form::full).collect()
@@ -568,11 +599,12 @@ impl Search<'_> {
     fn combinations(&mut self) -> Result<Vec<(Form, f64)>> {
         let full = Shape::Grid(self.request.map.size());
         let grids = self.grids()?;
-        let kinds = self.kinds(full)?;
-        let storages = self.storages(full)?;
-        let mut all = combine(&grids, &kinds, &storages);
+        let mut parts = Parts::default();
+        self.leave_out(full, 0.0, &mut parts)?;
+        self.store(full, &mut parts)?;
+        let mut all = combine(&grids, &parts);
         for center in self.centers() {
-            all.extend(self.tables(center)?);
+            all.extend(self.tables(center, &parts)?);
         }
         all.sort_by(|(a, p), (b, q)| a.bytes().cmp(&b.bytes()).then(p.total_cmp(q)));
         let most = Form::full(full).bytes();
@@ -580,40 +612,59 @@ impl Search<'_> {
         Ok(all)
     }
 
-    /// What may be left out of every texel of a shape, with nothing left out as the last.
-    fn kinds(&mut self, shape: Shape) -> Result<Passed<(Widths, Axes)>> {
-        let mut passed = Vec::new();
-        for (widths, axes) in [
-            (Widths::Round, Axes::Same),
-            (Widths::Same, Axes::Each),
-            (Widths::Each, Axes::Same),
-        ] {
-            let form = Form {
-                widths,
-                axes,
-                ..Form::full(shape)
-            };
-            if let Some(share) = self.alone_or_clear(form)? {
-                passed.push(((widths, axes), share));
+    /// Tries what of the texels of a shape may be left out, each alone; `own` is the share of the tolerance that the shape itself
+    /// takes.
+    fn leave_out(&mut self, shape: Shape, own: f64, parts: &mut Parts) -> Result<()> {
+        let form = |widths, axes| Form::new(shape, widths, axes, Channels::FULL);
+        // What a form takes beside its shape.
+        let beside = |share: f64| (share * share - own * own).max(0.0).sqrt();
+        let round = self.alone_or_clear(form(Widths::Round, Axes::Same))?;
+        parts.round = round.map(beside);
+        for widths in [Widths::Same, Widths::X, Widths::Y] {
+            if let Some(share) = self.alone_or_clear(form(widths, Axes::Each))?.map(beside) {
+                parts.widths.push((widths, share));
+                if share <= SLIGHT {
+                    break; // to keep one of them would spare next to nothing
+                }
             }
         }
-        passed.push(((Widths::Each, Axes::Each), 0.0));
-        Ok(passed)
+        parts.widths.push((Widths::Each, 0.0));
+        if let Some(share) = self.alone_or_clear(form(Widths::Each, Axes::Same))? {
+            parts.axes.push((Axes::Same, beside(share)));
+        }
+        parts.axes.push((Axes::Each, 0.0));
+        Ok(())
     }
 
-    /// Storages that pass on a shape, with floats as the last.
-    fn storages(&mut self, shape: Shape) -> Result<Passed<Storage>> {
+    /// Tries in what bits the numbers of a shape may be stored, each channel alone.
+    fn store(&mut self, shape: Shape, parts: &mut Parts) -> Result<()> {
+        const F32: Depth = Depth::F32;
+        parts.x = self.depths(shape, |depth| Channels::new(depth, F32, F32))?;
+        parts.y = self.depths(shape, |depth| Channels::new(F32, depth, F32))?;
+        parts.axis = self.depths(shape, |depth| Channels::new(F32, F32, depth))?;
+        let halves = Channels::new(Depth::F16, Depth::F16, Depth::F16);
+        let form = Form::new(shape, Widths::Each, Axes::Each, halves);
+        parts.halves = self.alone_or_clear(form)?;
+        Ok(())
+    }
+
+    /// The depths that pass for one channel, from the fewest bits to the first that takes next to nothing.
+    fn depths(
+        &mut self,
+        shape: Shape,
+        channels: impl Fn(Depth) -> Channels,
+    ) -> Result<Passed<Depth>> {
         let mut passed = Vec::new();
-        for storage in form::storages() {
-            let form = Form {
-                storage,
-                ..Form::full(shape)
-            };
+        for depth in [Depth::U8, Depth::U16, Depth::F16] {
+            let form = Form::new(shape, Widths::Each, Axes::Each, channels(depth));
             if let Some(share) = self.alone_or_clear(form)? {
-                passed.push((storage, share));
+                passed.push((depth, share));
+                if share <= SLIGHT {
+                    return Ok(passed);
+                }
             }
         }
-        passed.push((Storage::FULL, 0.0));
+        passed.push((Depth::F32, 0.0));
         Ok(passed)
     }
 
@@ -678,8 +729,9 @@ impl Search<'_> {
         centers
     }
 
-    /// Tables around a centre, in combination.
-    fn tables(&mut self, center: Vec2) -> Result<Vec<(Form, f64)>> {
+    /// Tables around a centre, in combination. Their numbers are those of the full map, so its depths hold for them, as far as
+    /// drawing does not tell otherwise.
+    fn tables(&mut self, center: Vec2, full: &Parts) -> Result<Vec<(Form, f64)>> {
         let (map, aspect) = (self.request.map, self.request.aspect);
         if map.width() < 4 || map.height() < 4 {
             return Ok(Vec::new());
@@ -704,66 +756,108 @@ impl Search<'_> {
             shapes.push((shape, share));
             samples = samples.div_ceil(2);
         }
-        let kinds = self.kinds(first)?;
-        let storages = self.storages(first)?;
-        // Their shares hold that of the table itself already; drawing will tell.
-        let plain = |mut list: Passed<(Widths, Axes)>| {
-            list.iter_mut().for_each(|(_, share)| *share = 0.0);
-            list
+        let mut parts = Parts {
+            x: full.x.clone(),
+            y: full.y.clone(),
+            axis: full.axis.clone(),
+            ..Parts::default()
         };
-        let storages: Passed<Storage> = storages.into_iter().map(|(s, _)| (s, 0.0)).collect();
-        Ok(combine(&shapes, &plain(kinds), &storages))
+        self.leave_out(first, share, &mut parts)?;
+        Ok(combine(&shapes, &parts))
     }
 }
 
-/// What parts may add up to, as a share of the tolerance, for a combination to be worth drawing.
-const ADDED_MAX: f64 = 1.1;
+/// What of texels passed alone, with its share of the tolerance.
+#[derive(Default)]
+struct Parts {
+    /// Round lobes, if they pass.
+    round: Option<f64>,
+    widths: Passed<Widths>,
+    axes: Passed<Axes>,
+    x: Passed<Depth>,
+    y: Passed<Depth>,
+    axis: Passed<Depth>,
+    /// A master EXR in halves, if it passes.
+    halves: Option<f64>,
+}
 
-/// Every combination; errors of parts that have nothing to do with each other add up as squares do.
-fn combine(
-    shapes: &Passed<Shape>,
-    kinds: &Passed<(Widths, Axes)>,
-    storages: &Passed<Storage>,
-) -> Vec<(Form, f64)> {
-    let mut all = Vec::new();
-    for &(shape, a) in shapes {
-        for &((widths, axes), b) in kinds {
-            for &(storage, c) in storages {
-                let form = Form {
-                    shape,
-                    widths,
-                    axes,
-                    storage,
-                };
-                let whole = widths == Widths::Each && axes == Axes::Each;
-                let is_table = matches!(shape, Shape::Radial(..));
-                // Floats are whole maps in files that every program reads.
-                if form.is_coded() || (whole && !is_table) {
-                    all.push((form, (a * a + b * b + c * c).sqrt()));
+impl Parts {
+    /// What may be kept of the texels.
+    fn kinds(&self) -> Passed<(Widths, Axes)> {
+        let round = self.round.map(|share| ((Widths::Round, Axes::Same), share));
+        let pairs = self.widths.iter().flat_map(|&(widths, a)| {
+            let with = move |&(axes, b): &(Axes, f64)| ((widths, axes), a.hypot(b));
+            self.axes.iter().map(with)
+        });
+        round.into_iter().chain(pairs).collect()
+    }
+
+    /// How what is kept may be stored: for each number of bytes that with the least share.
+    fn channels(&self, widths: Widths, axes: Axes) -> Passed<Channels> {
+        let any = vec![(Depth::F32, 0.0)];
+        let x = if widths.keep_x() { &self.x } else { &any };
+        // One width for both takes what both take.
+        let y = if widths.keep_y() || widths == Widths::Round {
+            &self.y
+        } else {
+            &any
+        };
+        let axis = if axes == Axes::Each { &self.axis } else { &any };
+        let mut all = Vec::new();
+        for &(dx, a) in x {
+            for &(dy, b) in y.iter().filter(|y| widths != Widths::Round || y.0 == dx) {
+                for &(da, c) in axis {
+                    all.push((Channels::new(dx, dy, da), a.hypot(b).hypot(c)));
                 }
             }
         }
-    }
-    // Without axes, or without widths, storages that differ in nothing else are one.
-    let mut seen: Vec<(Form, f64)> = Vec::new();
-    for (form, share) in all {
-        let same = |other: &Form| {
-            other.shape == form.shape
-                && (other.widths, other.axes) == (form.widths, form.axes)
-                && (form.widths == Widths::Same || other.storage.widths == form.storage.widths)
-                && (form.axes == Axes::Same || other.storage.axis == form.storage.axis)
+        let bytes = |channels: Channels| {
+            let shape = Shape::Constant(DEFAULT_TEXEL);
+            Form::new(shape, widths, axes, channels).bytes_per_texel()
         };
-        if !seen.iter().any(|(other, _)| same(other)) {
-            seen.push((form, share));
+        all.sort_by(|(a, p), (b, q)| bytes(*a).cmp(&bytes(*b)).then(p.total_cmp(q)));
+        all.dedup_by_key(|(channels, _)| bytes(*channels));
+        all
+    }
+}
+
+/// A share of the tolerance that is next to nothing.
+const SLIGHT: f64 = 0.1;
+
+/// What parts may add up to, as a share of the tolerance, for a combination to be worth drawing: errors may hide each other in
+/// part.
+const ADDED_MAX: f64 = 1.5;
+
+/// Every combination; errors of parts that have nothing to do with each other add up as squares do.
+fn combine(shapes: &Passed<Shape>, parts: &Parts) -> Vec<(Form, f64)> {
+    let mut all = Vec::new();
+    for (n, &(shape, a)) in shapes.iter().enumerate() {
+        let is_table = matches!(shape, Shape::Radial(..));
+        for ((widths, axes), b) in parts.kinds() {
+            // A map whose texels are alike is none, and has been tried; tables of them are one.
+            if (widths, axes) == (Widths::Same, Axes::Same) && !(is_table && n == 0) {
+                continue;
+            }
+            for (channels, c) in parts.channels(widths, axes) {
+                let form = Form::new(shape, widths, axes, channels);
+                all.push((form, a.hypot(b).hypot(c)));
+            }
+        }
+        if let Some(share) = parts.halves {
+            let halves = Channels::new(Depth::F16, Depth::F16, Depth::F16);
+            let form = Form::new(shape, Widths::Each, Axes::Each, halves);
+            if !all.iter().any(|(other, _)| *other == form) {
+                all.push((form, a.hypot(share)));
+            }
         }
     }
-    seen
+    all
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::{DEFAULT_TEXEL, Wrap};
+    use crate::map::Wrap;
 
     #[test]
     fn metrics_are_words() {
@@ -775,39 +869,121 @@ mod tests {
         assert!(e.contains("`luminance`"), "{e}");
     }
 
-    #[test]
-    fn combinations_are_each_one_thing_and_floats_are_whole_maps() {
-        let shape = Shape::Grid(Size::new(8, 8).unwrap());
-        let kinds = [
-            (Widths::Round, Axes::Same),
-            (Widths::Same, Axes::Each),
-            (Widths::Each, Axes::Each),
-        ];
-        let kinds = kinds.map(|k| (k, 0.3)).to_vec();
-        let mut storages: Passed<Storage> =
-            form::storages().into_iter().map(|s| (s, 0.4)).collect();
-        storages.push((Storage::FULL, 0.0));
-        let all = combine(&vec![(shape, 0.0)], &kinds, &storages);
-        for (i, (form, share)) in all.iter().enumerate() {
-            assert!(
-                all[..i]
-                    .iter()
-                    .all(|(f, _)| f.to_string() != form.to_string()),
-                "{form}"
-            );
-            let whole = form.widths == Widths::Each && form.axes == Axes::Each;
-            assert!(form.is_coded() || whole, "{form}");
-            assert!(
-                (share - 0.5).abs() < 1e-6 || !form.is_coded(),
-                "{form} {share}"
-            );
+    fn some_parts() -> Parts {
+        Parts {
+            round: Some(0.3),
+            widths: vec![(Widths::X, 0.3), (Widths::Each, 0.0)],
+            axes: vec![(Axes::Same, 0.4), (Axes::Each, 0.0)],
+            x: vec![(Depth::U8, 0.4), (Depth::U16, 0.0)],
+            y: vec![(Depth::U8, 0.6), (Depth::F32, 0.0)],
+            axis: vec![(Depth::U8, 0.2), (Depth::U16, 0.0)],
+            halves: Some(0.1),
         }
-        // 8 and 16 bits of one number, the same of the axis alone, and all six of the whole.
-        assert_eq!(all.len(), 2 + 2 + 6);
+    }
+
+    #[test]
+    fn combinations_are_each_one_thing_with_the_least_share_for_its_bytes() {
+        let shape = Shape::Grid(Size::new(8, 8).unwrap());
+        let all = combine(&vec![(shape, 0.0)], &some_parts());
+        for (i, (form, _)) in all.iter().enumerate() {
+            let told = |other: &(Form, f64)| other.0.to_string() == form.to_string();
+            assert!(!all[..i].iter().any(told), "{form}");
+        }
+        let of = |widths, axes| {
+            let all = all
+                .iter()
+                .filter(move |(f, _)| (f.widths, f.axes) == (widths, axes));
+            all.map(|(f, share)| (f.bytes_per_texel(), *share))
+                .collect::<Vec<_>>()
+        };
+        let near = |found: Vec<(u64, f64)>, want: &[(u64, f64)]| {
+            let close = |(a, b): (&(u64, f64), &(u64, f64))| a.0 == b.0 && (a.1 - b.1).abs() < 1e-9;
+            assert!(
+                found.len() == want.len() && found.iter().zip(want).all(close),
+                "{found:?} {want:?}"
+            );
+        };
+        // alpha_x alone in 8 and 16 bits; both widths, of which alpha_y has 8 bits or floats.
+        near(
+            of(Widths::X, Axes::Same),
+            &[(1, 0.3f64.hypot(0.4).hypot(0.4)), (2, 0.5)],
+        );
+        near(
+            of(Widths::Each, Axes::Same),
+            &[
+                (2, 0.4f64.hypot(0.4).hypot(0.6)),
+                (3, 0.4f64.hypot(0.6)),
+                (5, 0.4f64.hypot(0.4)),
+                (6, 0.4),
+            ],
+        );
+        // Round lobes have one width, of a depth that both pass with.
+        near(
+            of(Widths::Round, Axes::Same),
+            &[(1, 0.3f64.hypot(0.4).hypot(0.6))],
+        );
+        let halves = Channels::new(Depth::F16, Depth::F16, Depth::F16);
+        let halves = Form::new(shape, Widths::Each, Axes::Each, halves);
+        assert!(all.contains(&(halves, 0.1)));
+    }
+
+    #[test]
+    fn a_table_alone_may_keep_nothing_of_its_texels() {
+        let parts = Parts {
+            widths: vec![(Widths::Same, 0.1), (Widths::Each, 0.0)],
+            ..some_parts()
+        };
+        let bytes = |shape| {
+            let all = combine(&vec![(shape, 0.0)], &parts);
+            all.iter().map(|(form, _)| form.bytes()).min()
+        };
+        assert_eq!(bytes(form::radial(Vec2::splat(0.5), 1.0, 64)), Some(0));
+        assert_eq!(bytes(Shape::Grid(Size::new(8, 8).unwrap())), Some(64));
+    }
+
+    #[test]
+    fn the_full_map_may_be_seen_with_a_cheaper_model() {
+        let map = AnisoMap::constant(Size::new(4, 4).unwrap(), Wrap::Repeat, DEFAULT_TEXEL);
+        let mesh = Arc::new(crate::mesh::builtin("sphere").unwrap());
+        let settings = [Setting {
+            mesh_name: "sphere".to_owned(),
+            light_name: "studio".to_owned(),
+            scene: Scene::for_mesh(&mesh),
+            mesh,
+        }];
+        let looks = [Look::default()];
+        let full = |specular: [f32; 3]| {
+            let material = Material {
+                specular,
+                ..Material::default()
+            };
+            let request = Request {
+                map: &map,
+                aspect: 1.0,
+                material: &material,
+                looks: &looks,
+                settings: &settings,
+                metric: Metric::Flip,
+                tolerance: 0.01,
+                size: Size::new(32, 32).unwrap(),
+                formats: &[],
+            };
+            let none = Progress::none();
+            let found = Search::new(&request, &none).unwrap().full().unwrap();
+            assert_eq!(found.form(), Form::full(Shape::Grid(map.size())));
+            let taken = found.trials.last().unwrap().verdict;
+            assert_eq!(taken, Verdict::Taken);
+            (found.looks[0].model, found.reference_samples)
+        };
+        // Without highlights nothing tells the models apart.
+        assert_eq!(full([0.0; 3]), (Model::Lambert, Some(8)));
+        assert_eq!(full([0.3; 3]), (Model::Ward, None));
     }
 
     #[test]
     fn cheaper_models_lead_nowhere_back() {
+        let wards = [Model::Ward, Model::WardDuer];
+        assert!(wards.iter().all(|w| cheaper(Model::Beckmann).contains(w)));
         for model in [
             Model::Ward,
             Model::Beckmann,
@@ -843,6 +1019,7 @@ mod tests {
                 metric: Metric::Flip,
                 tolerance,
                 size: Size::new(16, 16).unwrap(),
+                formats: &[],
             };
             least(&request, &Progress::none()).map_err(|e| e.to_string())
         };
@@ -879,6 +1056,7 @@ mod tests {
             metric: Metric::Flip,
             tolerance: 0.1,
             size: Size::new(16, 16).unwrap(),
+            formats: &[],
         };
         let stop = |_: u64, _: u64| false;
         let cancelled = least(&request, &Progress::new(&stop));

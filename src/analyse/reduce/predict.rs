@@ -4,7 +4,7 @@
 //! k_max = ln(peak / 1 % of the diffuse light), 4 to 7 for metals over some diffuse. There a relative change d of a width changes
 //! k by 2 k_max d and the norm by d, and a turn by delta changes k by k_max delta (rho - 1/rho), rho the ratio of the widths. So a
 //! lobe changes by at most e^dk - 1. That is the error of one lobe seen at its worst; how much of a picture it is depends on the
-//! scene, so pictures decide, and the closed form saves drawing those that are out of the question.
+//! model and the scene, so pictures decide, and the closed form saves drawing what is far under the tolerance even at its worst.
 
 use super::Metric;
 use crate::brdf::Model;
@@ -18,8 +18,6 @@ use std::f32::consts::PI;
 
 /// Points along a side at which two maps are compared.
 const POINTS: u32 = 61;
-/// A prediction this many times what usually is the tolerance is out of the question.
-const HOPELESS: f32 = 10.0;
 /// A prediction this many times smaller is clearly under it, at its worst pixel too.
 const CLEAR: f32 = 200.0;
 /// The largest change of an exponent that is told apart from a larger one.
@@ -119,12 +117,6 @@ fn change_of_exponent(a: Texel, b: Texel, k_max: f32) -> f32 {
     dk.min(DK_MAX)
 }
 
-/// Whether a prediction is so far over the tolerance that no picture is needed. On the presets nothing passed whose usual error
-/// was over 5 times the tolerance.
-pub(super) fn is_hopeless(metric: Metric, predicted: f32, tolerance: f32) -> bool {
-    usual(metric, predicted) > HOPELESS * tolerance
-}
-
 /// Whether a prediction is so far under the tolerance that drawing it alone tells nothing.
 pub(super) fn is_clear(metric: Metric, predicted: f32, tolerance: f32) -> bool {
     CLEAR * usual(metric, predicted) < tolerance
@@ -187,9 +179,8 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_far_over_is_out_of_the_question() {
-        assert!(is_hopeless(Metric::Flip, 10.0, 0.01) && !is_hopeless(Metric::Flip, 1.0, 0.01));
+    fn only_what_is_far_under_is_clear() {
         assert!(is_clear(Metric::Flip, 1e-3, 0.01) && !is_clear(Metric::Flip, 1e-2, 0.01));
-        assert!(!is_hopeless(Metric::De, 1.0, 0.5) && is_hopeless(Metric::Luminance, 200.0, 0.1));
+        assert!(is_clear(Metric::De, 1e-2, 0.5) && !is_clear(Metric::De, 1.0, 0.5));
     }
 }

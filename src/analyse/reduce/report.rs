@@ -1,7 +1,9 @@
 //! What a reduction says of itself: nothing is dropped silently.
 
-use super::{Axes, PictureError, Reduction, Request, Saved, Setting, Shape, Widths, words};
-use crate::convention::storage::Storage;
+use super::{
+    Axes, Channels, Form, PictureError, Reduction, Request, Saved, Setting, Shape, Widths, words,
+};
+use crate::convention::storage::{Depth, WidthStorage};
 use crate::preview::Look;
 use serde_json::{Value, json};
 
@@ -19,6 +21,9 @@ impl Reduction {
                 ]
                 .concat();
             }
+            Shape::Radial(..) if form.bytes_per_texel() == 0 => dropped.push(format!(
+                "the map: one lobe, turned around the centre, stands for all {full}"
+            )),
             Shape::Radial(_, samples) => dropped.push(format!(
                 "what changes around the centre: {samples} samples outward stand for {full} texels"
             )),
@@ -32,6 +37,8 @@ impl Reduction {
             Widths::Round => {
                 dropped.push("the difference between the widths, and with it the axis".to_owned());
             }
+            Widths::X => dropped.push("how alpha_y changes".to_owned()),
+            Widths::Y => dropped.push("how alpha_x changes".to_owned()),
             Widths::Same => dropped.push("how the widths change".to_owned()),
         }
         if form.axes == Axes::Same && form.widths != Widths::Round {
@@ -42,34 +49,44 @@ impl Reduction {
                 _ => "how the axis changes".to_owned(),
             });
         }
-        if form.storage != Storage::FULL {
-            dropped.push(self.dropped_bits());
-        }
+        dropped.extend(self.dropped_bits());
         [dropped, self.dropped_model(request)].concat()
     }
 
-    fn dropped_bits(&self) -> String {
+    /// Of each channel that has fewer bits than a float, how far they reach.
+    fn dropped_bits(&self) -> Option<String> {
         let form = self.form();
+        let Channels { x, y, axis } = form.channels;
+        let map = &self.kept.map;
+        let worst = |storage: WidthStorage, plane: &[f32]| {
+            let errors = plane.iter().map(|a| storage.relative_error(*a));
+            100.0 * errors.fold(0.0, f32::max)
+        };
         let mut kept = Vec::new();
-        if form.widths != Widths::Same {
-            let widths = form.storage.widths;
-            let alphas = self
-                .kept
-                .map
-                .alpha_x()
-                .iter()
-                .chain(self.kept.map.alpha_y());
-            let worst = alphas
-                .map(|a| widths.relative_error(*a))
-                .fold(0.0, f32::max);
-            kept.push(format!("widths as {widths} within {:.2} %", 100.0 * worst));
+        let mut width = |name: &str, storage: WidthStorage, percent: f32| {
+            if storage.depth != Depth::F32 {
+                kept.push(format!("{name} as {storage} within {percent:.2} %"));
+            }
+        };
+        let of_x = worst(x, map.alpha_x());
+        let of_y = worst(y, map.alpha_y());
+        let alike = (x.depth, x.encoding) == (y.depth, y.encoding);
+        match form.widths {
+            Widths::Same => {}
+            Widths::Round => width("the width", x, of_x),
+            Widths::Each if alike => width("widths", x, of_x.max(of_y)),
+            Widths::X => width("alpha_x", x, of_x),
+            Widths::Y => width("alpha_y", y, of_y),
+            Widths::Each => {
+                width("alpha_x", x, of_x);
+                width("alpha_y", y, of_y);
+            }
         }
-        if form.axes == Axes::Each {
-            let axis = form.storage.axis;
+        if form.axes == Axes::Each && axis.depth != Depth::F32 {
             let degrees = axis.angle_error().to_degrees();
             kept.push(format!("the axis as {axis} within {degrees:.3} degrees"));
         }
-        format!("bits: {}", kept.join(", "))
+        (!kept.is_empty()).then(|| format!("bits: {}", kept.join(", ")))
     }
 
     fn dropped_model(&self, request: &Request<'_>) -> Vec<String> {
@@ -128,8 +145,10 @@ impl Reduction {
                 "axes": form.axes,
                 "storage": match form.shape {
                     Shape::Constant(_) => Value::Null,
-                    _ => json!(form.storage.to_string()),
+                    _ if form.bytes_per_texel() == 0 => Value::Null,
+                    _ => json!(form.stored()),
                 },
+                "channels": channels(form),
                 "model": words(&self.looks),
                 "bytes": form.bytes(),
                 "bytes_per_texel": form.bytes_per_texel(),
@@ -137,6 +156,7 @@ impl Reduction {
                 "milliseconds": self.milliseconds,
             },
             "seen_in": self.seen_in,
+            "seen_in_floats": self.seen_in_floats,
             "dropped": self.dropped(request),
             "recipe": saved.recipe,
             "files": saved.files,
@@ -148,6 +168,28 @@ impl Reduction {
 /// A number as it was typed: 0.01 as an f32 is 0.0099999998 as an f64.
 fn plain(x: f32) -> f64 {
     x.to_string().parse().unwrap_or(f64::from(x))
+}
+
+/// How each channel is stored; null where it is one number for all.
+fn channels(form: Form) -> Value {
+    let Channels { x, y, axis } = form.channels;
+    let is_map = !matches!(form.shape, Shape::Constant(_));
+    let width = |keep: bool, storage: WidthStorage| match (is_map && keep, storage.depth.top()) {
+        (false, _) => Value::Null,
+        (true, None) => json!({ "depth": storage.depth, "encoding": storage.encoding }),
+        (true, Some(_)) => json!({
+            "depth": storage.depth,
+            "encoding": storage.encoding,
+            "low": plain(storage.low),
+            "high": plain(storage.high),
+        }),
+    };
+    let round = form.widths == Widths::Round;
+    json!({
+        "alpha_x": width(form.widths.keep_x(), x),
+        "alpha_y": width(round || form.widths.keep_y(), y),
+        "axis": if is_map && form.axes == Axes::Each { json!(axis) } else { Value::Null },
+    })
 }
 
 fn size(shape: Shape) -> Value {
