@@ -96,7 +96,9 @@ impl Marks {
         // Where every texel turns, what the edges do tells nothing by itself.
         let counts =
             |seam: &Option<field::Seam>| rough.is_none() || seam.as_ref().is_some_and(is_seen);
-        let mut seams = map_seams(map, [counts(&field.seam_u), counts(&field.seam_v)]);
+        let reached = mesh.map(|mesh| Reached::new(map.size(), mesh));
+        let counts = [counts(&field.seam_u), counts(&field.seam_v)];
+        let mut seams = map_seams(map, counts, reached.as_ref());
         if let Some(mesh) = mesh {
             seams.extend(chart_seams(map, mesh, progress)?);
         }
@@ -152,21 +154,132 @@ fn texel_marks(map: &AnisoMap, progress: &Progress<'_>) -> Result<Vec<TexelMark>
 }
 
 /// How far around a place of an edge the map is looked at for jumps as large, in texels.
-const AROUND: u32 = 4;
+const AROUND: i32 = 4;
+/// So many times the largest turn beside it a jump must be, or the field only turns fast there.
+const EXCESS: f32 = 1.25;
 
-/// The jumps over the edges where the map repeats, as marks on both edges.
-fn map_seams(map: &AnisoMap, counts: [bool; 2]) -> Vec<Seam> {
+/// The angle between two grooves in degrees; `None` where one has no direction.
+fn angle(a: Vec2, b: Vec2) -> Option<f32> {
+    let turn = turn(a, b);
+    (!turn.is_nan()).then(|| degrees(turn))
+}
+
+/// Whether a jump over an edge is more than what the field does beside it: where grooves of two directions meet, the line
+/// between them goes on over the edge. `at` gives the groove so many rows inside and so many texels along, on either side.
+fn stands_out(jump: f32, sides: [&dyn Fn(i32, i32) -> Vec2; 2]) -> bool {
+    let most = jump / EXCESS;
+    let along = 2 * AROUND + 1;
+    let columns = along as usize;
+    sides.into_iter().all(|at| {
+        let grooves: Vec<Vec2> = (0..=AROUND)
+            .flat_map(|depth| (0..along).map(move |k| at(depth, k - AROUND)))
+            .collect();
+        let less = |a: Vec2, b: Vec2| angle(a, b).is_none_or(|turn| turn < most);
+        let inward = grooves.iter().zip(&grooves[columns..]);
+        inward.into_iter().all(|(a, b)| less(*a, *b))
+            && grooves
+                .chunks(columns)
+                .all(|row| row.windows(2).all(|pair| less(pair[0], pair[1])))
+    })
+}
+
+/// The rows that a mesh's layout comes near the left or right edge of the map in, and the columns in which it comes near the
+/// upper or lower one: elsewhere nothing of the surface lies at the edge.
+struct Reached {
+    rows: Vec<bool>,
+    columns: Vec<bool>,
+}
+
+/// How near to an edge of the map a triangle must come to reach it, in texels: what is looked up between texels.
+const REACH: f32 = 1.0;
+/// Turns of a map that a triangle may span and be followed edge by edge.
+const TURNS_MAX: f32 = 64.0;
+
+impl Reached {
+    fn new(size: Size, mesh: &Mesh) -> Self {
+        let mut reached = Self {
+            rows: vec![false; size.height() as usize],
+            columns: vec![false; size.width() as usize],
+        };
+        let texels = Vec2::new(size.width() as f32, size.height() as f32);
+        for triangle in &mesh.triangles {
+            let corners = triangle.map(|v| {
+                let uv = mesh.uvs[v as usize];
+                Vec2::new(uv.x, 1.0 - uv.y) * texels
+            });
+            let turned = corners.map(|p| Vec2::new(p.y, p.x));
+            mark_reached(&mut reached.rows, corners, texels.x);
+            mark_reached(&mut reached.columns, turned, texels.y);
+        }
+        reached
+    }
+}
+
+/// Marks the rows in which a triangle, in texels, comes near a multiple of `side` in x.
+fn mark_reached(rows: &mut [bool], corners: [Vec2; 3], side: f32) {
+    let xs = corners.map(|p| p.x);
+    let (low, high) = (xs[0].min(xs[1]).min(xs[2]), xs[0].max(xs[1]).max(xs[2]));
+    let first = ((low - REACH) / side).ceil();
+    let last = ((high + REACH) / side).floor();
+    if last - first > TURNS_MAX {
+        rows.fill(true);
+        return;
+    }
+    for edge in first as i64..=last as i64 {
+        let strip = [-REACH, REACH].map(|by| edge as f32 * side + by);
+        let (mut top, mut bottom) = (f32::MAX, f32::MIN);
+        for k in 0..3 {
+            if let Some([a, b]) = rows_in_strip(corners[k], corners[(k + 1) % 3], strip) {
+                (top, bottom) = (top.min(a.min(b)), bottom.max(a.max(b)));
+            }
+        }
+        mark_span(rows, top - REACH, bottom + REACH);
+    }
+}
+
+/// Where a line comes into a strip of x and leaves it, as y.
+fn rows_in_strip(from: Vec2, to: Vec2, [low, high]: [f32; 2]) -> Option<[f32; 2]> {
+    let along = to - from;
+    if along.x == 0.0 {
+        return (low..=high).contains(&from.x).then_some([from.y, to.y]);
+    }
+    let ends = [low, high].map(|x| ((x - from.x) / along.x).clamp(0.0, 1.0));
+    let meets = from.x.min(to.x) <= high && from.x.max(to.x) >= low;
+    meets.then(|| ends.map(|t| from.y + t * along.y))
+}
+
+/// Marks the rows from one place to another, in every turn of the map.
+fn mark_span(rows: &mut [bool], top: f32, bottom: f32) {
+    let n = rows.len() as f32;
+    if bottom - top >= n {
+        rows.fill(true);
+    } else if top <= bottom {
+        let count = rows.len() as i64;
+        for row in top.floor() as i64..=bottom.floor() as i64 {
+            rows[row.rem_euclid(count) as usize] = true;
+        }
+    }
+}
+
+/// The jumps over the edges where the map repeats, as marks on both edges; on a mesh where something of it lies there.
+fn map_seams(map: &AnisoMap, counts: [bool; 2], reached: Option<&Reached>) -> Vec<Seam> {
     let (w, h) = (map.width(), map.height());
-    let jump = |a: (u32, u32), b: (u32, u32)| {
-        let t = turn(groove(map.texel(a.0, a.1)), groove(map.texel(b.0, b.1)));
-        if t.is_nan() { 0.0 } else { degrees(t) }
+    // The jump at a place along the edge between the last and the first texel of so many.
+    let over_edge = |side: u32, length: u32, at: &dyn Fn(u32, u32) -> (u32, u32), place: u32| {
+        let groove = |x: u32, y: u32| {
+            let (x, y) = at(x, y);
+            groove(map.texel(x, y))
+        };
+        let jump = angle(groove(side - 1, place), groove(0, place)).unwrap_or(0.0);
+        let along = |k: i32| place.saturating_add_signed(k).min(length - 1);
+        let inside = |depth: i32| depth.unsigned_abs().min(side - 1);
+        let left = |depth: i32, k: i32| groove(inside(depth), along(k));
+        let right = |depth: i32, k: i32| groove(side - 1 - inside(depth), along(k));
+        let counts = jump >= LEAST_DEGREES && stands_out(jump, [&left, &right]);
+        if counts { jump } else { 0.0 }
     };
-    // A direction that turns as much right beside the edge goes on over it: that is no seam.
-    let over_edge = |side: u32, at: &dyn Fn(u32) -> (u32, u32)| {
-        let here = jump(at(side - 1), at(0));
-        let beside = |i: u32| jump(at(i), at(i + 1)).max(jump(at(side - 2 - i), at(side - 1 - i)));
-        let usual = (0..AROUND.min(side - 1)).map(beside).fold(0.0, f32::max);
-        if here > usual { here } else { 0.0 }
+    let is_reached = |edge: fn(&Reached) -> &[bool], place: u32| {
+        reached.is_none_or(|reached| edge(reached)[place as usize])
     };
     let mut seams = Vec::new();
     let mut mark = |from: u32, to: u32, degrees: f32, place: &dyn Fn(u32, f32) -> Vec2| {
@@ -180,12 +293,20 @@ fn map_seams(map: &AnisoMap, counts: [bool; 2]) -> Vec<Seam> {
     };
     if counts[0] && map.wrap().repeats_u() && w > 1 {
         let place = |i: u32, edge: f32| Vec2::new(edge, 1.0 - i as f32 / h as f32);
-        let jumps: Vec<f32> = (0..h).map(|y| over_edge(w, &|x| (x, y))).collect();
+        let jump = |y: u32| match is_reached(|r| &r.rows, y) {
+            true => over_edge(w, h, &|x, y| (x, y), y),
+            false => 0.0,
+        };
+        let jumps: Vec<f32> = (0..h).map(jump).collect();
         each_run(&jumps, |from, to, degrees| mark(from, to, degrees, &place));
     }
     if counts[1] && map.wrap().repeats_v() && h > 1 {
         let place = |i: u32, edge: f32| Vec2::new(i as f32 / w as f32, edge);
-        let jumps: Vec<f32> = (0..w).map(|x| over_edge(h, &|y| (x, y))).collect();
+        let jump = |x: u32| match is_reached(|r| &r.columns, x) {
+            true => over_edge(h, w, &|y, x| (x, y), x),
+            false => 0.0,
+        };
+        let jumps: Vec<f32> = (0..w).map(jump).collect();
         each_run(&jumps, |from, to, degrees| mark(from, to, degrees, &place));
     }
     seams
@@ -289,19 +410,13 @@ fn border_marks(map: &AnisoMap, mesh: &Mesh, [first, second]: [HalfEdge; 2]) -> 
     }
     let texels = a.texels(map.size()).max(b.texels(map.size()));
     let count = (texels / PLACES_APART).ceil().clamp(1.0, PLACES_MAX);
-    let between = |p: Option<Vec2>, q: Option<Vec2>| {
-        let angle = turn(p?, q?);
-        (!angle.is_nan()).then(|| degrees(angle))
-    };
     let jump = |i: u32| {
         let t = (i as f32 + 0.5) / count;
-        let at = |side: &Side, depth: u32| side.groove(map, mesh, t, depth);
-        let here = between(at(&a, 0), at(&b, 0))?;
-        // As at the edges of the map: a direction that turns as much right beside the border goes on over it.
-        let beside = |side: &Side, depth: u32| between(at(side, depth), at(side, depth + 1));
-        let usual = (0..AROUND).flat_map(|depth| [beside(&a, depth), beside(&b, depth)]);
-        let usual = usual.flatten().fold(0.0, f32::max);
-        (here > usual).then_some(here)
+        let here = angle(a.groove(map, mesh, t)?, b.groove(map, mesh, t)?)?;
+        // As at the edges of the map.
+        let beside = |side: &Side, depth: i32, k: i32| side.groove_in_map(map, t, depth, k);
+        let (in_a, in_b) = (|d, k| beside(&a, d, k), |d, k| beside(&b, d, k));
+        (here >= LEAST_DEGREES && stands_out(here, [&in_a, &in_b])).then_some(here)
     };
     let jumps: Vec<f32> = (0..count as u32).map(|i| jump(i).unwrap_or(0.0)).collect();
     let mut marks = Vec::new();
@@ -318,9 +433,11 @@ fn border_marks(map: &AnisoMap, mesh: &Mesh, [first, second]: [HalfEdge; 2]) -> 
     marks
 }
 
-/// One side of a border: its ends as position, texture coordinate and vertex, and the step of a texel into the triangle.
+/// One side of a border: its ends as position, texture coordinate and vertex, and the steps of a texel along it and into the
+/// triangle.
 struct Side {
     ends: [(Vec3, Vec2, usize); 2],
+    along: Vec2,
     inward: Vec2,
 }
 
@@ -335,6 +452,7 @@ impl Side {
         let sign = across.dot((apex - ends[0].1) * texels).signum();
         Self {
             ends,
+            along: along.normalize_or_zero() / texels,
             inward: sign * across / texels,
         }
     }
@@ -351,18 +469,26 @@ impl Side {
         ((self.ends[1].1 - self.ends[0].1) * texels).length()
     }
 
-    /// The double-angle vector of the groove part of the way along, in the row of texels that lies `depth` rows inside, measured
-    /// from the edge in the plane of the surface: charts that meet at a crease are folded flat. `None` without a direction.
-    fn groove(&self, map: &AnisoMap, mesh: &Mesh, t: f32, depth: u32) -> Option<Vec2> {
-        let [(from, uv, v), (to, uv_end, w)] = self.ends;
+    /// The double-angle vector of the groove part of the way along, `depth` rows of texels inside the first and `k` texels
+    /// farther along, as it stands in the map.
+    fn groove_in_map(&self, map: &AnisoMap, t: f32, depth: i32, k: i32) -> Vec2 {
+        let [(_, from, _), (_, to, _)] = self.ends;
+        let inward = self.inward * (depth as f32 + 0.5);
+        let uv = from.lerp(to, t) + inward + self.along * k as f32;
+        groove(map.sample(uv.x, uv.y))
+    }
+
+    /// The double-angle vector of the groove part of the way along, in the first row of texels, measured from the edge in the plane
+    /// of the surface: charts that meet at a crease are folded flat. `None` without a direction.
+    fn groove(&self, map: &AnisoMap, mesh: &Mesh, t: f32) -> Option<Vec2> {
+        let [(from, _, v), (to, _, w)] = self.ends;
         let normal = mesh.normals[v].lerp(mesh.normals[w], t);
         let tangent = mesh.tangents[v].lerp(mesh.tangents[w], t);
         let tangent = tangent.truncate().extend(mesh.tangents[v].w);
         let (frame, usable) = Frame::new(normal, tangent)?;
         let edge = frame.to_local(to - from).truncate();
         let edge = Axis::from_vector(edge)?;
-        let uv = uv.lerp(uv_end, t) + self.inward * (depth as f32 + 0.5);
-        let groove = groove(map.sample(uv.x, uv.y));
+        let groove = self.groove_in_map(map, t, 0, 0);
         // The difference of the angles; a mirrored layout turns the other way round.
         let (cross, dot) = (
             edge.cos2 * groove.y - edge.sin2 * groove.x,
@@ -451,6 +577,58 @@ mod tests {
             assert_eq!(seam.ends, [Vec2::new(u, 1.0), Vec2::new(u, 0.5)]);
         }
         assert_eq!(marks(&map(120, 40, Wrap::Clamp, ramp), None).seams, []);
+    }
+
+    #[test]
+    fn an_edge_between_directions_that_crosses_the_edge_of_the_map_is_no_seam() {
+        // A band of other grooves that climbs and falls around the map, steepest at the edge.
+        let band = |u: f32, v: f32| {
+            let middle = 0.5 + 0.3 * (TAU * u).sin();
+            if (v - middle).abs() < 0.1 { 1.0 } else { 0.2 }
+        };
+        let torus = crate::mesh::torus();
+        let m = map(150, 110, Wrap::Repeat, band);
+        assert_eq!(marks(&m, None).seams, []);
+        assert_eq!(marks(&m, Some(&torus)).seams, []);
+        // A jump of its own is told beside it all the same, but for the texels where the band meets the edge.
+        let cut = map(150, 110, Wrap::Repeat, |u, v| band(u, v) + 0.3 * u);
+        for mesh in [None, Some(&torus)] {
+            let found = marks(&cut, mesh).seams;
+            // Where the band meets the edge both jumps come together.
+            let is_own = |s: &&Seam| (s.degrees - 17.1).abs() < 0.6;
+            let lines = found
+                .iter()
+                .filter(|s| s.border == Border::Map && s.ends[0].x == 0.0)
+                .filter(is_own);
+            let long: f32 = lines.map(|s| (s.ends[0].y - s.ends[1].y).abs()).sum();
+            assert!((0.5..1.0).contains(&long), "{long}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn beside_the_charts_of_a_mesh_the_edge_of_the_map_is_no_seam() {
+        let jump = map(100, 80, Wrap::Repeat, |u, _| (50.0 * u).to_radians());
+        let half = |low: f32, high: f32| {
+            let mut mesh = crate::mesh::plane();
+            let span = |uv: &mut Vec2| uv.y = low + (high - low) * uv.y;
+            mesh.uvs.iter_mut().for_each(span);
+            marks(&jump, Some(&mesh)).seams
+        };
+        for seam in half(0.25, 0.75) {
+            let inside = |end: &Vec2| (0.2..=0.8).contains(&end.y);
+            assert!(seam.ends.iter().all(inside), "{seam:?}");
+        }
+        assert_eq!(half(0.25, 0.75).len(), 2);
+        let whole = half(0.0, 1.0);
+        assert_eq!(whole[0].ends, [Vec2::new(0.0, 1.0), Vec2::new(0.0, 0.0)]);
+        // A layout that keeps away from the edge, and one of many turns.
+        let mut mesh = crate::mesh::plane();
+        mesh.uvs.iter_mut().for_each(|uv| *uv = 0.1 + 0.8 * *uv);
+        assert_eq!(marks(&jump, Some(&mesh)).seams, []);
+        mesh.uvs.iter_mut().for_each(|uv| *uv *= 1e9);
+        assert_eq!(marks(&jump, Some(&mesh)).seams.len(), 2);
+        mesh.uvs.iter_mut().for_each(|uv| *uv = Vec2::NAN);
+        assert_eq!(marks(&jump, Some(&mesh)).seams, []);
     }
 
     #[test]
