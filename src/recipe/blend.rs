@@ -368,7 +368,7 @@ impl PreparedLayer {
     }
 
     /// Makes coverage times mask times opacity of the mask's weights in the scratch.
-    fn weigh(&self, scratch: &mut Scratch<'_>, is_masked: bool) {
+    pub(super) fn weigh(&self, scratch: &mut Scratch<'_>, is_masked: bool) {
         if is_masked {
             for (w, c) in scratch.weight.iter_mut().zip(&scratch.coverage) {
                 *w *= c * self.opacity;

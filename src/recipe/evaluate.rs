@@ -253,6 +253,57 @@ impl Prepared {
         Some(scratch.weight)
     }
 
+    /// How much of the layer with the number `at` is seen in each texel of a rectangle, 0 to 1 in its row order: what its source
+    /// covers, times its mask, times its opacity; that of each channel it touches, before what lies above. `None` of a layer that
+    /// is not there or does not show.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`] when `progress`, which is asked before each of many strokes, says so.
+    ///
+    /// # Panics
+    /// When `rect` reaches outside the map.
+    pub fn coverage(
+        &self,
+        at: usize,
+        rect: Rect,
+        progress: &Progress<'_>,
+    ) -> Result<Option<Vec<f32>>> {
+        self.assert_inside(rect);
+        let Some(layer) = self.layers.iter().find(|layer| layer.at == at) else {
+            return Ok(None);
+        };
+        let mut scratch = Scratch::asking(progress);
+        scratch.resize(rect.texels());
+        match &layer.source {
+            PreparedSource::Fill(source) => source.fill(&mut scratch.patch(rect)),
+            PreparedSource::Strokes(painting) => {
+                painting.cover(rect, &mut scratch.coverage, progress)?;
+            }
+        }
+        let covered = std::mem::take(&mut scratch.coverage);
+        Ok(Some(self.covered(at, rect, covered)))
+    }
+
+    /// As [`Prepared::coverage`], of a layer whose source covers so much of each texel; that itself of a layer that is not there.
+    ///
+    /// # Panics
+    /// When `rect` reaches outside the map, or does not have as many texels.
+    pub fn covered(&self, at: usize, rect: Rect, covered: Vec<f32>) -> Vec<f32> {
+        self.assert_inside(rect);
+        assert_eq!(covered.len(), rect.texels(), "a number for each texel");
+        let Some(layer) = self.layers.iter().find(|layer| layer.at == at) else {
+            return covered;
+        };
+        let mut scratch = Scratch::default();
+        scratch.resize(rect.texels());
+        if let Some(mask) = &layer.mask {
+            mask.fill(rect, &mut scratch);
+        }
+        scratch.coverage = covered;
+        layer.weigh(&mut scratch, layer.mask.is_some());
+        scratch.weight
+    }
+
     /// The layers above the layer `at`, and the recipe's adjustment, over a region.
     fn go_above(
         &self,

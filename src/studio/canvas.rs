@@ -103,28 +103,6 @@ impl Ready {
         };
         Ok(Self { stack, active })
     }
-
-    /// How much of each texel the layer's strokes have touched, in row order.
-    ///
-    /// # Errors
-    /// When `progress` says so.
-    pub(super) fn coverage(&self, progress: &Progress<'_>) -> Result<Vec<f32>> {
-        let size = self.stack.size();
-        let mut coverage = vec![self.active.start(); size.texels()];
-        let bands = coverage.par_chunks_mut((size.width() * SIDE) as usize);
-        bands.enumerate().try_for_each(|(n, band)| {
-            progress.check()?;
-            let y = n as u32 * SIDE;
-            let rect = Rect {
-                x: 0,
-                y,
-                width: size.width(),
-                height: SIDE.min(size.height() - y),
-            };
-            self.active.painting.cover(rect, band, progress)
-        })?;
-        Ok(coverage)
-    }
 }
 
 /// A layer whose mask is painted on. Then tiles hold the mask as their coverage, over a ground that means nothing.
@@ -287,12 +265,17 @@ impl Canvas {
             .collect()
     }
 
-    /// How much of each texel of a rectangle the layer's strokes have touched, in row order; `None` when none is painted on.
+    /// How much of the layer that is painted on is seen in each texel of a rectangle, in row order, or what its mask holds where
+    /// that is painted on; `None` when none is.
     pub(super) fn coverage(&mut self, rect: Rect) -> Option<Vec<f32>> {
         let active = self.active.as_mut()?;
         active.fly(&self.stack, None);
         active.ensure(&self.stack, rect, active.painting.len());
-        Some(active.shown(rect).1)
+        let touched = active.shown(rect).1;
+        Some(match active.mask {
+            Some(_) => touched,
+            None => self.stack.covered(active.at, rect, touched),
+        })
     }
 
     /// A stroke more on the layer that is painted on: gives the rectangles outside which nothing changed.

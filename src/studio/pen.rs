@@ -291,8 +291,7 @@ impl Studio {
         self.repaint(dirty);
     }
 
-    /// How much of each texel of a rectangle the selected layer's strokes have touched, 0 to 1, or what its mask holds where that is
-    /// selected, with the stroke in flight. `None` for a layer that is not being painted on: see [`Studio::coverage`].
+    /// [`Studio::coverage`] of a rectangle, with the stroke in flight. `None` for a layer that is not being painted on.
     pub fn coverage_in(&mut self, rect: Rect) -> Option<Vec<f32>> {
         let is_shown = self.canvas.active() == Some((self.selected, self.on_mask));
         let rect = rect.intersection(self.map().size().rect())?;

@@ -6,10 +6,12 @@
 use super::canvas::Ready;
 use super::{Studio, apart, broken_off};
 use crate::error::{Error, Result};
+use crate::map::Rect;
 use crate::mesh::Body;
 use crate::paint::{Brush, MeshPoints, POINTS_MAX, Point, Stroke, SurfacePoint};
 use crate::progress::Progress;
-use crate::recipe::{self, Files, Recipe, Stamp};
+use crate::recipe::{self, Files, Layer, Recipe, Stamp};
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -83,28 +85,42 @@ struct Order {
 }
 
 impl Order {
-    fn carry_out(self, progress: &Progress<'_>) -> Result<Ready> {
-        let with_mesh = |stack: recipe::Prepared| match &self.shown {
+    fn with_mesh(&self, stack: recipe::Prepared) -> recipe::Prepared {
+        match &self.shown {
             Some((name, stamp, body)) => stack.with_mesh(name, *stamp, body),
             None => stack,
-        };
-        let before = with_mesh(self.before.clone());
+        }
+    }
+
+    fn layer(&self) -> &Layer {
+        &self.recipe.layers[self.ground.layer]
+    }
+
+    /// The stack as the recipe is now; refuses a layer that is left out of it.
+    fn stack(&self, progress: &Progress<'_>) -> Result<recipe::Prepared> {
+        let before = self.with_mesh(self.before.clone());
         let (size, files) = (before.size(), &self.files);
         let stack = self
             .recipe
             .prepare_readable(&before, size, files, progress)?;
-        let mut stack = with_mesh(stack);
-        let layer = &self.recipe.layers[self.ground.layer];
-        if let Some(left) = stack.left_out().iter().find(|l| l.layer == layer.name()) {
+        let stack = self.with_mesh(stack);
+        let name = self.layer().name();
+        if let Some(left) = stack.left_out().iter().find(|l| l.layer == name) {
             let allowed = "a layer whose files can be read";
-            return Err(not_to_paint_on(layer.name(), allowed, &left.reason));
+            return Err(not_to_paint_on(name, allowed, &left.reason));
         }
+        Ok(stack)
+    }
+
+    fn carry_out(self, progress: &Progress<'_>) -> Result<Ready> {
+        let mut stack = self.stack(progress)?;
+        let layer = self.layer();
         let strokes = layer
             .strokes(self.ground.mask)
             .expect("looked at before it was ordered");
         let skin = if self.ground.on_mesh || strokes.need_mesh() {
             let word = strokes.mesh.as_deref().unwrap_or(&self.mesh);
-            Some(stack.skin("mesh", word, files)?)
+            Some(stack.skin("mesh", word, &self.files)?)
         } else {
             None
         };
@@ -115,7 +131,10 @@ impl Order {
     }
 }
 
-/// How much of each texel of a map a layer's strokes have touched, to be worked out where nobody waits.
+/// Rows of a coverage that one thread takes at a time.
+const BAND: u32 = 64;
+
+/// How much of a layer is seen in each texel of a map, or what its mask holds, to be worked out where nobody waits.
 pub struct CoverageOrder(Order);
 
 impl CoverageOrder {
@@ -124,17 +143,62 @@ impl CoverageOrder {
     /// # Errors
     /// When a file of the recipe cannot be read, and [`Error::Cancelled`] when `progress` says so.
     pub fn carry_out(self, progress: &Progress<'_>) -> Result<Vec<f32>> {
-        self.0.carry_out(progress)?.coverage(progress)
+        let stack = self.0.stack(progress)?;
+        let (at, is_mask) = (self.0.ground.layer, self.0.ground.mask);
+        let mask = self.0.layer().mask.as_ref().filter(|_| is_mask);
+        let inverted = mask.is_some_and(|m| m.invert);
+        let size = stack.size();
+        let mut all = vec![0.0; size.texels()];
+        let bands = all.par_chunks_mut((size.width() * BAND) as usize);
+        bands.enumerate().try_for_each(|(n, band)| {
+            progress.check()?;
+            let y = n as u32 * BAND;
+            let rect = Rect {
+                x: 0,
+                y,
+                width: size.width(),
+                height: BAND.min(size.height() - y),
+            };
+            let found = match is_mask {
+                true => stack.mask(at, rect),
+                false => stack.coverage(at, rect, progress)?,
+            };
+            if let Some(found) = found {
+                band.copy_from_slice(&found);
+            }
+            // The mask is shown as it was painted.
+            if inverted {
+                band.iter_mut().for_each(|m| *m = 1.0 - *m);
+            }
+            Ok(())
+        })?;
+        progress.check()?;
+        Ok(all)
     }
 }
 
 impl Studio {
-    /// How much of each texel of the map the selected layer's strokes have touched, 0 to 1, or what its mask holds where that is
-    /// selected; without the stroke in flight. `None` for a layer without strokes.
+    /// How much of the selected layer is seen in each texel of the map, 0 to 1: what its source covers, times its mask, times its
+    /// opacity, as [`recipe::Prepared::coverage`]; or what its painted mask holds where that is selected. Without the stroke in
+    /// flight. `None` for a layer that is not shown: see [`Studio::is_seen`].
     pub fn coverage(&self) -> Option<CoverageOrder> {
-        let ground = self.ground(false);
-        let refused = self.refusal(ground).is_some();
-        (!refused).then(|| CoverageOrder(self.order(ground)))
+        let ground = Ground {
+            mask: self.is_mask_selected(),
+            ..self.ground(false)
+        };
+        self.is_seen(ground.layer)
+            .then(|| CoverageOrder(self.order(ground)))
+    }
+
+    /// Whether a layer is shown: not hidden, by itself or by another one that is shown alone, not see-through, and with all files
+    /// that it needs.
+    pub fn is_seen(&self, layer: usize) -> bool {
+        let Some(found) = self.recipe().layers.get(layer) else {
+            return false;
+        };
+        let is_alone = self.solo.is_none_or(|solo| solo == layer);
+        let is_visible = found.visible || self.solo.is_some();
+        is_alone && is_visible && found.opacity > 0.0 && self.left_out(found.name()).is_none()
     }
 
     /// A stroke may come soon, on the mesh or in UV: what it will need is made ready in the background. To be called while a pen
@@ -262,9 +326,7 @@ impl Studio {
             return Some(not_to_paint_on(value, allowed, hint));
         };
         let name = layer.map_or("", |l| l.name());
-        let is_alone = self.solo.is_none_or(|solo| solo == ground.layer);
-        let is_visible = layer.is_some_and(|l| l.visible || self.solo.is_some());
-        if !(is_alone && is_visible && layer.is_some_and(|l| l.opacity > 0.0)) {
+        if !self.is_seen(ground.layer) {
             let allowed = "a layer that is shown";
             return Some(not_to_paint_on(name, allowed, "Show it first"));
         }

@@ -9,6 +9,7 @@ use glam::Vec2;
 use std::path::Path;
 use std::sync::mpsc::channel;
 
+mod coverage;
 mod files;
 
 const RECIPE: &str = "version = 1\nname = 'painted'\nsize = [320, 200]\naspect = 1.6\nseed = 5\n\
@@ -146,29 +147,6 @@ fn a_stroke_that_begins_before_its_layer_is_ready_is_painted_when_it_is() {
     studio.settle();
     assert!(!studio.is_drawing() && *studio.recipe() == all);
     assert_shows_its_recipe(&studio);
-}
-
-#[test]
-fn coverage_is_what_the_strokes_touch() {
-    let mut studio = painted();
-    some_strokes(&mut studio);
-    let size = studio.map().size();
-    let whole = studio.coverage().unwrap();
-    let whole = whole.carry_out(&Progress::none()).unwrap();
-    assert!(whole.contains(&1.0) && whole.contains(&0.0));
-    let rect = Rect {
-        x: 37,
-        y: 11,
-        width: 150,
-        height: 170,
-    };
-    let part = studio.coverage_in(rect).unwrap();
-    for (i, c) in part.iter().enumerate() {
-        let (x, y) = (37 + i as u32 % 150, 11 + i as u32 / 150);
-        assert_eq!(*c, whole[size.rect().index(x, y)], "{x}, {y}");
-    }
-    studio.select(0);
-    assert!(studio.coverage().is_none() && studio.coverage_in(rect).is_none());
 }
 
 #[test]

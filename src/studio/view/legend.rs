@@ -1,6 +1,7 @@
 //! What the colours of a view mean: a strip or a half wheel of them, with places for numbers. The window writes the numbers, in
 //! its own letters.
 
+use super::coverage::{Coverage, veil};
 use super::palette::{self, COLOURS, Table};
 use super::{AlphaRange, RatioRange, View, direction};
 use crate::map::Size;
@@ -52,6 +53,18 @@ impl View {
             Self::Ratio(range) => Some(ratios(*range, size)),
             Self::Direction => Some(directions(size)),
         }
+    }
+}
+
+impl Coverage {
+    /// The legend of [`Coverage::draw`] in that colour with that opacity, as a picture of `size`.
+    pub fn legend(title: &'static str, colour: [u8; 3], opacity: f32, size: Size) -> Legend {
+        let mut table = [[0; 4]; COLOURS];
+        for (i, entry) in table.iter_mut().enumerate() {
+            *entry = veil(colour, opacity * i as f32 / (COLOURS - 1) as f32);
+        }
+        let quarters = (0..=4u8).map(|i| (f32::from(i) / 4.0, format!("{}%", 25 * i)));
+        strip(title, &table, size, quarters.collect())
     }
 }
 
@@ -247,6 +260,20 @@ mod tests {
                 .iter()
                 .any(|t| t.label == "1" && t.at.x == 150.0)
         );
+    }
+
+    #[test]
+    fn the_strip_of_a_coverage_goes_from_nothing_to_its_colour() {
+        let legend = Coverage::legend("Coverage", [200, 100, 0], 0.5, size(256, 10));
+        let at = |x: usize| &legend.rgba[4 * x..4 * x + 4];
+        assert_eq!(at(0), [0; 4]);
+        let full = veil([200, 100, 0], 0.5);
+        let apart = at(255).iter().zip(full).map(|(a, b)| a.abs_diff(b));
+        assert!(apart.max() <= Some(1), "{:?} {full:?}", at(255));
+        let half = legend.ticks.iter().find(|t| t.label == "50%").unwrap();
+        assert_eq!(half.at, Vec2::new(128.0, 10.0));
+        assert!(at(128)[3].abs_diff(64) <= 1, "{:?}", at(128));
+        assert_eq!(legend.ticks[4].label, "100%");
     }
 
     #[test]
