@@ -8,7 +8,7 @@ mod stroke;
 use super::desk::Desk;
 use super::guides::Sheet;
 use super::icons::Icon;
-use super::overlay::{LegendPicture, Overlay, Ranges, lint_legend, needle_shapes};
+use super::overlay::{Colours, LegendPicture, Overlay, Ranges, lint_legend, needle_shapes};
 use super::pane::{put, strip, tab};
 use super::theme::Palette;
 use super::widgets::{icon_button, overlay_text};
@@ -500,14 +500,20 @@ impl CanvasPane {
 
     /// What the colours mean, in the lower left.
     fn legend(&mut self, ui: &Ui, painter: &Painter, desk: &Desk) {
-        let corner = self.rect.left_bottom() + vec2(12.0, -12.0);
-        let view = self.kind.view(self.light, self.ranges, desk);
-        self.legend.show(ui, painter, corner, view);
+        let mut corner = self.rect.left_bottom() + vec2(12.0, -12.0);
         if let Some(text) = self.overlay.text(self.kind, desk) {
             let below = overlay_text(painter, corner, Align2::LEFT_BOTTOM, &text);
-            if self.kind == Kind::Lint && self.overlay.has_marks() {
-                lint_legend(painter, below.left_top() - vec2(0.0, 6.0));
+            corner = below.left_top() - vec2(0.0, 6.0);
+        }
+        let view = self.kind.view(self.light, self.ranges, desk);
+        match self.kind {
+            Kind::Lint if self.overlay.has_marks() => lint_legend(painter, corner),
+            Kind::Coverage => {
+                if let Some(colours) = self.overlay.colours() {
+                    self.legend.show(ui, painter, corner, colours);
+                }
             }
+            _ => self.legend.show(ui, painter, corner, Colours::View(view)),
         }
     }
 

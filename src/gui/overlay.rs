@@ -37,21 +37,48 @@ pub(crate) struct Ranges {
     pub(crate) ratio: RatioRange,
 }
 
+/// What a legend is of.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Colours {
+    View(View),
+    /// How much of a layer is seen.
+    Coverage,
+    /// What a painted mask holds.
+    Mask,
+}
+
+impl Colours {
+    /// Its legend as a picture of a strip or a wheel on a screen of so many pixels a point.
+    fn legend(self, scale: f32) -> Option<Legend> {
+        let (w, h) = match self {
+            Self::View(View::Direction) => WHEEL,
+            _ => STRIP,
+        };
+        let side = |n: u32| (n as f32 * scale).round() as u32;
+        let size = Size::new(side(w), side(h)).ok()?;
+        match self {
+            Self::View(view) => view.legend(size),
+            Self::Coverage => Some(Coverage::legend("Coverage", COVERAGE, COVERED, size)),
+            Self::Mask => Some(Coverage::legend("Mask", SHOWN, 1.0, size)),
+        }
+    }
+}
+
 /// The picture of a legend, kept as long as the view stays.
 #[derive(Default)]
 pub(crate) struct LegendPicture {
-    shown: Option<(View, u32)>,
+    shown: Option<(Colours, u32)>,
     legend: Option<Legend>,
     texture: Option<TextureHandle>,
 }
 
 impl LegendPicture {
     /// Draws it with its lower left corner at a place.
-    pub(crate) fn show(&mut self, ui: &Ui, painter: &Painter, corner: Pos2, view: View) {
+    pub(crate) fn show(&mut self, ui: &Ui, painter: &Painter, corner: Pos2, colours: Colours) {
         let scale = ui.pixels_per_point();
-        let key = (view, (scale * 100.0) as u32);
+        let key = (colours, (scale * 100.0) as u32);
         if self.shown != Some(key) {
-            self.make(ui, view, scale);
+            self.make(ui, colours, scale);
             self.shown = Some(key);
         }
         if let (Some(legend), Some(texture)) = (&self.legend, &self.texture) {
@@ -59,16 +86,8 @@ impl LegendPicture {
         }
     }
 
-    fn make(&mut self, ui: &Ui, view: View, scale: f32) {
-        let (w, h) = if matches!(view, View::Direction) {
-            WHEEL
-        } else {
-            STRIP
-        };
-        let side = |n: u32| (n as f32 * scale).round() as u32;
-        self.legend = Size::new(side(w), side(h))
-            .ok()
-            .and_then(|size| view.legend(size));
+    fn make(&mut self, ui: &Ui, colours: Colours, scale: f32) {
+        self.legend = colours.legend(scale);
         self.texture = self.legend.as_ref().map(|legend| {
             let sides = [legend.size.width() as usize, legend.size.height() as usize];
             let image = ColorImage::from_rgba_premultiplied(sides, &legend.rgba);
@@ -249,11 +268,14 @@ impl Overlay {
             let [low, high] = [DVec2::new(0.0, 1.0), DVec2::new(1.0, 0.0)]
                 .map(|uv| camera.pixel_of_uv(map, uv).as_vec2() / ui.pixels_per_point())
                 .map(|p| rect.min + vec2(p.x, p.y));
-            let ground = if camera.repeat {
-                rect
-            } else {
-                Rect::from_min_max(low, high)
-            };
+            let mut ground = Rect::from_min_max(low, high);
+            let wrap = desk.studio.map().wrap();
+            if camera.repeat && wrap.repeats_u() {
+                ground = Rect::from_x_y_ranges(rect.x_range(), ground.y_range());
+            }
+            if camera.repeat && wrap.repeats_v() {
+                ground = Rect::from_x_y_ranges(ground.x_range(), rect.y_range());
+            }
             painter.rect_filled(ground, CornerRadius::ZERO, Color32::BLACK);
         }
         self.paint(painter, rect);
@@ -302,6 +324,9 @@ impl Overlay {
 
     /// Finds what a layer covers, in the background.
     fn cover(&mut self, ui: &Ui, desk: &mut Desk, layer: (usize, bool)) {
+        if self.covers != Some(layer) {
+            self.coverage = None;
+        }
         self.covers = Some(layer);
         self.covering = None;
         let Some(order) = desk.studio.coverage() else {
@@ -380,6 +405,18 @@ impl Overlay {
             let beside = if at.x > rect.center().x { -5.0 } else { 5.0 };
             overlay_text(painter, at + vec2(beside, 0.0), anchor, &text);
         }
+        let pointer = painter.ctx().input(|i| i.pointer.hover_pos());
+        let under = |h: &&Heap| pointer.is_some_and(|p| h.at.distance(p) < h.radius());
+        let idle = painter.ctx().dragged_id().is_none();
+        if let Some(heap) = heaps.iter().find(under).filter(|_| idle) {
+            let right = heap.at.x > rect.center().x;
+            let (anchor, beside) = match right {
+                true => (Align2::RIGHT_CENTER, -1.0),
+                false => (Align2::LEFT_CENTER, 1.0),
+            };
+            let at = heap.at + vec2(beside * (heap.radius() + 6.0), 0.0);
+            overlay_text(painter, at, anchor, &heap.text(&poles));
+        }
     }
 
     /// Whether there are marks, to be explained.
@@ -387,35 +424,19 @@ impl Overlay {
         self.marks.is_some()
     }
 
+    /// What the colours over the lit map mean, where they stand for numbers.
+    pub(crate) fn colours(&self) -> Option<Colours> {
+        let (_, is_mask) = self.covers.filter(|_| self.coverage.is_some())?;
+        Some(match is_mask {
+            true => Colours::Mask,
+            false => Colours::Coverage,
+        })
+    }
+
     /// What there is to say of the overlay.
     pub(crate) fn text(&self, kind: Kind, desk: &Desk) -> Option<String> {
         match kind {
-            Kind::Coverage if self.covering.is_some() && self.coverage.is_none() => {
-                Some("Looking at the strokes\u{2026}".to_owned())
-            }
-            Kind::Coverage if self.coverage.is_none() => {
-                Some("The selected layer holds no strokes.".to_owned())
-            }
-            Kind::Coverage => {
-                let layer = self
-                    .covers
-                    .and_then(|(at, _)| desk.studio.recipe().layers.get(at));
-                let mask = self.covers.is_some_and(|(_, mask)| mask);
-                layer.map(
-                    |l| match (mask, l.mask.as_ref().is_some_and(|m| m.invert)) {
-                        (false, _) => {
-                            format!("Strokes of {}: the pinker, the more they cover", l.name())
-                        }
-                        (true, false) => {
-                            format!("Mask of {}: white shows it, black hides it", l.name())
-                        }
-                        (true, true) => format!(
-                            "Mask of {}, inverted: black shows it, white hides it",
-                            l.name()
-                        ),
-                    },
-                )
-            }
+            Kind::Coverage => Some(self.coverage_text(desk)),
             Kind::Lint => Some(match (&self.marks, &self.work) {
                 (_, Some(_)) => "Looking the map over\u{2026}".to_owned(),
                 (Some(marks), None) => summary(marks),
@@ -427,6 +448,40 @@ impl Overlay {
                 "Lines lie along the grooves: the longer, the more the widths differ".to_owned(),
             ),
             _ => None,
+        }
+    }
+}
+
+impl Overlay {
+    /// What the coverage is of, or why there is none.
+    fn coverage_text(&self, desk: &Desk) -> String {
+        let studio = &desk.studio;
+        let at = studio.selected();
+        let Some(layer) = studio.recipe().layers.get(at) else {
+            return "There is no layer to be covered.".to_owned();
+        };
+        let name = layer.name();
+        if self.coverage.is_none() {
+            return match (self.covering.is_some(), studio.is_seen(at)) {
+                (true, _) => format!("Looking at {name}\u{2026}"),
+                (false, false) => format!("{name} is not shown: it covers nothing"),
+                (false, true) => format!("What {name} covers cannot be told"),
+            };
+        }
+        match (self.covers, layer.mask.as_ref()) {
+            (Some((_, true)), Some(mask)) if mask.invert => {
+                format!("Mask of {name}, inverted: black shows it, white hides it")
+            }
+            (Some((_, true)), _) => format!("Mask of {name}: white shows it, black hides it"),
+            _ => {
+                let opacity = format!("its opacity of {:.0}%", 100.0 * layer.opacity);
+                match (layer.mask.is_some(), layer.opacity < 1.0) {
+                    (false, false) => format!("What {name} covers"),
+                    (true, false) => format!("What {name} covers, times its mask"),
+                    (false, true) => format!("What {name} covers, times {opacity}"),
+                    (true, true) => format!("What {name} covers, times its mask and {opacity}"),
+                }
+            }
         }
     }
 }
