@@ -390,8 +390,9 @@ impl Overlay {
         }
         let poles = marks.poles(&camera);
         let places = poles.iter().map(|p| place(p.at)).collect::<Vec<_>>();
-        for heap in heaps(&places) {
-            paint_heap(painter, &heap, &poles);
+        let heaps = heaps(&places);
+        for heap in &heaps {
+            paint_heap(painter, heap, &poles);
         }
         let middle = |seam: &MarkedSeam| place((seam.ends[0] + seam.ends[1]) / 2.0);
         let all = seams.iter().map(|s| (middle(s), s.degrees));
@@ -513,14 +514,14 @@ pub(crate) fn lint_legend(painter: &Painter, corner: Pos2) {
         "the direction jumps at a seam: 1\u{b0} yellow to 30\u{b0} red",
         "directions turn once, or half, with the way around",
         "directions turn against the way around",
-        "so many points of both kinds in one place",
+        "several points in one place, and the sum of their indices",
         "texels out of some format's range",
     ];
     let font = FontId::proportional(11.0);
     let ink = Color32::from_rgb(0xe8, 0xe9, 0xea);
     let wide = painter.clip_rect().right() - corner.x - 12.0;
     let galleys = ROWS.map(|row| painter.layout(row.to_owned(), font.clone(), ink, wide - 60.0));
-    let high: f32 = galleys.iter().map(|g| g.size().y.max(22.0) + 3.0).sum();
+    let high: f32 = galleys.iter().map(|g| g.size().y.max(28.0) + 3.0).sum();
     let across = galleys.iter().map(|g| g.size().x).fold(0.0, f32::max) + 60.0;
     let ground = Rect::from_min_size(corner - vec2(0.0, high + 10.0), vec2(across, high + 10.0));
     if ground.top() < painter.clip_rect().top() + 60.0 {
@@ -530,7 +531,7 @@ pub(crate) fn lint_legend(painter: &Painter, corner: Pos2) {
     painter.rect_filled(ground, CornerRadius::same(5), dark);
     let mut top = ground.top() + 5.0;
     for (n, galley) in galleys.into_iter().enumerate() {
-        let row = galley.size().y.max(22.0);
+        let row = galley.size().y.max(28.0);
         let at = pos2(ground.left() + 24.0, top + 0.5 * row);
         match n {
             0 => {
@@ -543,9 +544,9 @@ pub(crate) fn lint_legend(painter: &Painter, corner: Pos2) {
                     painter.rect_filled(part, CornerRadius::ZERO, Color32::from_rgb(r, g, b));
                 }
             }
-            1 => badge(painter, at, POLE, POSITIVE, "+\u{bd}"),
-            2 => badge(painter, at, POLE, NEGATIVE, "-\u{bd}"),
-            3 => badge(painter, at, POLE, BOTH, "3\u{d7}"),
+            1 => badge(painter, at, POLE, 1, 1),
+            2 => badge(painter, at, POLE, 1, -1),
+            3 => badge(painter, at, POLE, 2, 0),
             _ => {
                 let square = Rect::from_center_size(at, vec2(12.0, 12.0));
                 painter.rect_filled(square, CornerRadius::ZERO, Color32::from_rgb(255, 96, 32));
@@ -563,7 +564,7 @@ struct Heap {
     poles: Vec<usize>,
 }
 
-/// Colours of the marks of poles: of positive ones, of negative ones, of several of both.
+/// Colours of the marks of poles: of positive ones, of negative ones, of several that cancel.
 const POSITIVE: Color32 = Color32::from_rgb(0xff, 0xc8, 0x5a);
 const NEGATIVE: Color32 = Color32::from_rgb(0x6a, 0xc4, 0xff);
 const BOTH: Color32 = Color32::from_rgb(0xe8, 0xe9, 0xea);
@@ -574,6 +575,35 @@ impl Heap {
     fn radius(&self) -> f32 {
         POLE + 1.6 * (self.poles.len() as f32).ln()
     }
+
+    /// Twice the sum of the indices.
+    fn halves(&self, poles: &[MarkedPole]) -> i32 {
+        self.poles.iter().map(|i| poles[*i].halves).sum()
+    }
+
+    /// What it is made of.
+    fn text(&self, poles: &[MarkedPole]) -> String {
+        let sum = index_text(self.halves(poles));
+        match self.poles.len() {
+            1 => format!("A singular point of index {sum}"),
+            n => format!("{n} singular points, whose indices add up to {sum}"),
+        }
+    }
+}
+
+/// An index from twice the number, short enough for its mark: `+1`, `-\u{bd}`, `0`.
+fn index_text(halves: i32) -> String {
+    let sign = match halves.signum() {
+        1 => "+",
+        -1 => "-",
+        _ => "",
+    };
+    let whole = match halves.unsigned_abs() / 2 {
+        0 if halves != 0 => String::new(),
+        n => n.to_string(),
+    };
+    let half = if halves % 2 == 0 { "" } else { "\u{bd}" };
+    format!("{sign}{whole}{half}")
 }
 
 /// Brings places together until no two marks lie over each other.
@@ -610,27 +640,24 @@ fn heaps(places: &[Pos2]) -> Vec<Heap> {
 }
 
 fn paint_heap(painter: &Painter, heap: &Heap, poles: &[MarkedPole]) {
-    let sign = |i: &usize| poles[*i].halves.signum();
-    let first = sign(&heap.poles[0]);
-    let colour = if heap.poles.iter().any(|i| sign(i) != first) {
-        BOTH
-    } else if first > 0 {
-        POSITIVE
-    } else {
-        NEGATIVE
-    };
-    let label = match &heap.poles[..] {
-        [one] => poles[*one].label.clone(),
-        many => format!("{}\u{d7}", many.len()),
-    };
-    badge(painter, heap.at, heap.radius(), colour, &label);
+    let count = heap.poles.len();
+    badge(painter, heap.at, heap.radius(), count, heap.halves(poles));
 }
 
-fn badge(painter: &Painter, at: Pos2, radius: f32, colour: Color32, label: &str) {
+/// The mark of so many poles whose indices add up to half of `halves`: a second ring where there are several.
+fn badge(painter: &Painter, at: Pos2, radius: f32, count: usize, halves: i32) {
+    let colour = match halves.signum() {
+        1 => POSITIVE,
+        -1 => NEGATIVE,
+        _ => BOTH,
+    };
     painter.circle_filled(at, radius, Color32::from_black_alpha(215));
     painter.circle_stroke(at, radius, Stroke::new(1.5, colour));
+    if count > 1 {
+        painter.circle_stroke(at, radius + 2.5, Stroke::new(1.0, colour));
+    }
     let font = FontId::proportional(11.0);
-    painter.text(at, Align2::CENTER_CENTER, label, font, colour);
+    painter.text(at, Align2::CENTER_CENTER, index_text(halves), font, colour);
 }
 
 fn summary(marks: &LintMarks) -> String {
@@ -656,6 +683,31 @@ fn summary(marks: &LintMarks) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_heap_tells_the_sum_of_its_indices() {
+        let texts = [0, 1, -1, 2, 3, -4, -5].map(index_text);
+        assert_eq!(
+            texts,
+            [
+                "0", "+\u{bd}", "-\u{bd}", "+1", "+1\u{bd}", "-2", "-2\u{bd}"
+            ]
+        );
+        let pole = |halves: i32| MarkedPole {
+            at: glam::Vec2::ZERO,
+            halves,
+            label: String::new(),
+        };
+        let poles = [pole(2), pole(-1), pole(-1), pole(2)];
+        let heap = |poles: &[usize]| Heap {
+            at: Pos2::ZERO,
+            poles: poles.to_vec(),
+        };
+        assert_eq!(heap(&[0]).text(&poles), "A singular point of index +1");
+        let three = heap(&[0, 1, 2]).text(&poles);
+        assert_eq!(three, "3 singular points, whose indices add up to 0");
+        assert_eq!(heap(&[0, 1, 2, 3]).halves(&poles), 2);
+    }
 
     #[test]
     fn marks_that_would_pile_up_become_one_with_their_number() {
