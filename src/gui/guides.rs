@@ -1,6 +1,7 @@
 //! Guides by hand: drawn, dragged by their handles and deleted on the canvas, their numbers in the panel.
 
 mod panel;
+mod points;
 
 use super::canvas::extent;
 use super::desk::Desk;
@@ -16,6 +17,8 @@ pub(crate) use panel::{bar, panel};
 /// How near the pointer must be to a handle, and to an outline, points.
 const NEAR_HANDLE: f32 = 9.0;
 const NEAR_OUTLINE: f32 = 6.0;
+/// How near to an outline a place of the mesh must lie that is clicked, surface units.
+const NEAR_ON_MESH: f32 = 0.02;
 /// How far a press must go before it draws, and how far a hand trembles, points.
 const DRAWS: f32 = 5.0;
 const TREMBLE: f32 = 2.0;
@@ -49,8 +52,11 @@ struct Grip {
 #[derive(Default)]
 pub(crate) struct GuideHand {
     pub(crate) selected: Option<usize>,
-    /// The point of its curve that was last taken hold of: its tangents are shown.
-    knot: usize,
+    /// The point of its line or curve that was last taken hold of: its numbers are in the panel, and of a curve the tangents
+    /// there are shown.
+    point: usize,
+    /// The point that the panel's list was last brought to.
+    listed: Option<usize>,
     /// The guide whose numbers the panel showed last.
     in_panel: Option<usize>,
     /// The layer that the selected one is in.
@@ -174,7 +180,7 @@ impl GuideHand {
             Some((selected, held, turns)) => {
                 self.select(selected);
                 if let Held::Handle(HandleKind::Point(i), _) = held {
-                    self.take_knot(desk, i);
+                    self.point = i;
                 }
                 (held, turns)
             }
@@ -277,19 +283,31 @@ impl GuideHand {
 
     fn select(&mut self, guide: usize) {
         if self.selected != Some(guide) {
-            (self.selected, self.knot) = (Some(guide), 0);
+            (self.selected, self.point, self.listed) = (Some(guide), 0, None);
         }
     }
 
-    /// The point of a curve that the nth of its points belongs to is the one that is meant now.
-    fn take_knot(&mut self, desk: &Desk, i: usize) {
+    /// Selects the uppermost guide that a place of the map lies in or near, or none.
+    pub(crate) fn select_at(&mut self, desk: &Desk, uv: Vec2) {
         let Some((_, guides)) = selected_guides(desk) else {
             return;
         };
-        let guide = self.selected.and_then(|i| guides.guide.get(i));
-        if let Some(Shape::Curve { points, .. }) = guide.map(|g| &g.shape) {
-            self.knot = knot_of(i, points.len());
+        let aspect = extent(desk).x;
+        let holds = |guide: &Guide, uv: Vec2| {
+            guide.contains(uv, aspect) || guide.distance(uv, aspect) < NEAR_ON_MESH
+        };
+        let found = [uv, uv - uv.floor()]
+            .into_iter()
+            .find_map(|uv| guides.guide.iter().rposition(|g| holds(g, uv)));
+        match found {
+            Some(guide) => self.select(guide),
+            None => self.selected = None,
         }
+    }
+
+    /// The place on a curve whose tangents are shown: of its points the one that is meant, or that its tangent hangs on.
+    fn knot(&self, points: usize) -> usize {
+        knot_of(self.point.min(points.saturating_sub(1)), points)
     }
 
     /// The handles that are shown: of a curve's tangents those of one point alone.
@@ -297,7 +315,9 @@ impl GuideHand {
         let mut handles = guide.handles(aspect);
         if let Shape::Curve { points, .. } = &guide.shape {
             handles.retain(|h| match h.kind {
-                HandleKind::Point(i) => i % 3 == 0 || knot_of(i, points.len()) == self.knot,
+                HandleKind::Point(i) => {
+                    i % 3 == 0 || knot_of(i, points.len()) == self.knot(points.len())
+                }
                 _ => true,
             });
         }
@@ -324,7 +344,7 @@ impl GuideHand {
                 if let Source::Guides(guides) = &mut layer.source {
                     guides.guide.push(guide);
                 }
-                (self.selected, self.knot) = (Some(0), 0);
+                (self.selected, self.point, self.listed) = (Some(0), 0, None);
                 let added = desk.studio.add_growing_layer(layer, &what);
                 self.of_layer = desk.studio.selected();
                 desk.told(added).is_some()
@@ -482,6 +502,7 @@ impl GuideHand {
                         let line = Stroke::new(1.0, accent.gamma_multiply(0.6));
                         painter.line_segment([(sheet.to_screen)(knot.at), at], line);
                     }
+                    let fill = if i == self.point { accent } else { fill };
                     painter.circle(at, 3.0, fill, stroke);
                 }
                 HandleKind::Rotation | HandleKind::Center => {
@@ -490,7 +511,7 @@ impl GuideHand {
                 HandleKind::Falloff => {
                     painter.circle(at, 3.5, fill, stroke);
                 }
-                HandleKind::Point(i) if is_curve && i == self.knot => {
+                HandleKind::Point(i) if i == self.point => {
                     let square = egui::Rect::from_center_size(at, egui::Vec2::splat(8.0));
                     painter.rect(square, 1.0, accent, stroke, egui::StrokeKind::Middle);
                 }

@@ -1,6 +1,6 @@
 //! The 3D view: the mesh under light, the hand on camera and lamps, and models side by side.
 
-use super::desk::{Desk, Redraw};
+use super::desk::{Desk, Panes, Redraw};
 use super::icons::Icon;
 use super::pane::{Pen, pen, pressure, put, ring, strip};
 use super::properties::sentence;
@@ -106,6 +106,7 @@ impl ViewportPane {
         }
         self.captions(ui, desk, rect);
         self.linked(ui, desk);
+        self.select_guide(&response, desk);
         self.cursor(ui, &response, desk);
     }
 
@@ -297,6 +298,7 @@ impl ViewportPane {
                 }
                 true
             }
+            // Guides lie on the map: see `select_guide`.
             ToolKind::Guide => false,
             _ => self.pen_down(ui, desk, hit, (at, force)),
         }
@@ -384,6 +386,16 @@ impl ViewportPane {
         was
     }
 
+    /// With the guide tool a click selects the guide that lies where the mesh is met: its numbers are in the panel then.
+    fn select_guide(&self, response: &Response, desk: &mut Desk) {
+        let with_guides = desk.hand.kind() == ToolKind::Guide && !desk.pointer_taken;
+        if let Some(hit) = self.hit.filter(|_| with_guides && response.clicked()) {
+            let mut hand = std::mem::take(&mut desk.guides);
+            hand.select_at(desk, hit.uv);
+            desk.guides = hand;
+        }
+    }
+
     /// The brush where it would paint.
     fn cursor(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) {
         let pointer = response.hover_pos().or(response.interact_pointer_pos());
@@ -439,6 +451,7 @@ impl ViewportPane {
         let modifiers = ui.input(|i| i.modifiers);
         let paints = self.hit.is_some() && desk.hand.kind().paints();
         let is_middle = desk.settings.navigation == Preset::Middle;
+        let guides = self.hint_of_guides(desk);
         let text = if modifiers.alt {
             "left drag: turn; middle: move; right: zoom"
         } else if modifiers.shift {
@@ -452,12 +465,23 @@ impl ViewportPane {
             desk.hand.kind().inverse_name()
         } else if modifiers.command && is_middle {
             "middle drag: zoom"
+        } else if desk.hand.kind() == ToolKind::Guide && self.hit.is_some() && !self.moving {
+            &guides
         } else {
             return;
         };
         let painter = ui.painter_at(self.rect);
         let below = pointer + vec2(0.0, 24.0);
         overlay_text(&painter, below, Align2::CENTER_TOP, text);
+    }
+
+    /// What the guide tool does over the mesh.
+    fn hint_of_guides(&self, desk: &Desk) -> String {
+        let place = match desk.panes {
+            Panes::Both => "on the map".to_owned(),
+            _ => format!("on the map ({})", desk.keymap.keys_text(Action::ShowBoth)),
+        };
+        format!("guides are drawn {place}; click: select the guide that lies here; drag: turn")
     }
 
     fn navigate(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) {

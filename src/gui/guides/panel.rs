@@ -1,6 +1,8 @@
 //! The numbers of guides: the bar of the tool, and the panel of a layer of guides.
 
+use super::points::point_rows;
 use super::{GuideHand, is_round, lay_widths, selected_guides, set, told};
+use crate::gui::canvas::extent;
 use crate::gui::desk::Desk;
 use crate::gui::icons::Icon;
 use crate::gui::properties::sentence;
@@ -201,7 +203,11 @@ pub(crate) fn panel(
     }
     if let Some((i, guide)) = hand.selected.and_then(|i| Some((i, now.guide.get_mut(i)?))) {
         let old = guide.clone();
-        let rows = ui.scope(|ui| guide_rows(ui, guide));
+        let aspect = extent(desk).x;
+        let rows = ui.scope(|ui| {
+            let finished = guide_rows(ui, guide);
+            finished | point_rows(ui, guide, (&mut hand.point, &mut hand.listed), aspect)
+        });
         finished |= rows.inner;
         if *guide != old {
             what = told("Change", &guide.shape, i);
@@ -253,7 +259,7 @@ fn list(ui: &mut Ui, hand: &mut GuideHand, guides: &mut Guides) -> bool {
     removed.is_some()
 }
 
-fn row(
+pub(super) fn row(
     ui: &mut Ui,
     name: &str,
     range: std::ops::RangeInclusive<f64>,

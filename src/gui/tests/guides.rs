@@ -2,6 +2,7 @@
 
 use super::*;
 use anisomap::guide::{Guides, Shape};
+use egui_kittest::kittest::NodeT;
 
 const ROUND: &str = "version = 1
 name = \"round\"
@@ -235,4 +236,170 @@ fn guides_that_cannot_be_seen_say_so_and_are_helped() {
     button(&window, "Lay widths");
     window.run_steps(2);
     assert!(guides(&window).unwrap().has_widths());
+}
+
+/// Types a number into the bar of that name.
+fn type_into(window: &mut Window, name: &str, number: &str) {
+    let bar = window.get_by_role_and_label(Role::Slider, name);
+    bar.scroll_to_me();
+    window.run_steps(3);
+    window.get_by_role_and_label(Role::Slider, name).click();
+    window.run_steps(2);
+    press(window, "Ctrl+A");
+    field(window, name).type_text(number);
+    window.run_steps(2);
+    press(window, "Enter");
+    window.run_steps(2);
+}
+
+#[test]
+fn points_of_lines_and_curves_are_moved_by_numbers() {
+    let (mut window, _folder) = open(ROUND);
+    window.state_mut().properties.leaf = crate::gui::properties::Leaf::Layer;
+    let points = |w: &Window| -> Vec<Vec2> {
+        let guide = &guides(w).unwrap().guide[0];
+        let aspect = w
+            .state()
+            .desk
+            .studio
+            .recipe()
+            .aspect_at(w.state().desk.studio.map().size());
+        let handles = guide.handles(aspect);
+        let points = handles.iter().filter_map(|h| match h.kind {
+            anisomap::guide::HandleKind::Point(_) => Some(vec2(h.at.x, h.at.y)),
+            _ => None,
+        });
+        points.collect()
+    };
+    for (shape, count) in [("Draw Line", 2), ("Draw Curve", 4)] {
+        button_of_choice(&window, shape);
+        window.run_steps(2);
+        stroke(&mut window, (0.35, 0.4), (0.6, 0.6));
+        window.run_steps(3);
+        let before = points(&window);
+        assert!(before.len() >= count, "{shape}: {before:?}");
+        let last = before.len();
+        type_into(&mut window, "Number", &last.to_string());
+        type_into(&mut window, "Point u", "0.75");
+        type_into(&mut window, "Point v", "0.125");
+        let after = points(&window);
+        assert!(
+            (after[last - 1] - vec2(0.75, 0.125)).length() < 1e-4,
+            "{after:?}"
+        );
+        for (a, b) in after.iter().zip(&before).take(last - 1) {
+            assert!((*a - *b).length() < 1e-4, "{shape} moved {b:?} to {a:?}");
+        }
+        // The list has it, and takes another one.
+        window.get_by_label_contains(":  0.750, 0.125");
+        let first = |w: &Window, act: fn(&egui_kittest::Node<'_>)| {
+            act(&w.query_all_by_label_contains("Point 1:").next().unwrap());
+        };
+        first(&window, |n| n.scroll_to_me());
+        window.run_steps(3);
+        first(&window, |n| n.click());
+        window.run_steps(2);
+        type_into(&mut window, "Point u", "0.25");
+        assert!((points(&window)[0].x - 0.25).abs() < 1e-4);
+        press(&mut window, "Ctrl+Z");
+        assert!((points(&window)[0] - before[0]).length() < 1e-4, "one step");
+        press(&mut window, "Delete");
+        window.run_steps(2);
+    }
+}
+
+#[test]
+fn a_curve_of_many_points_has_a_list_of_few_rows() {
+    let (mut window, _folder) = open(ROUND);
+    window.state_mut().properties.leaf = crate::gui::properties::Leaf::Layer;
+    button_of_choice(&window, "Draw Line");
+    window.run_steps(2);
+    stroke(&mut window, (0.35, 0.4), (0.6, 0.6));
+    let at = window.state().desk.studio.selected();
+    let mut many = guides(&window).unwrap();
+    let zigzag = |i: u16| [f32::from(i) / 4000.0, f32::from(i % 2) / 100.0];
+    many.guide[0].shape = Shape::Line {
+        points: (0..1000).map(zigzag).collect(),
+        closed: false,
+    };
+    let studio = &mut window.state_mut().desk.studio;
+    studio
+        .set_source(at, "Guides", Source::Guides(many))
+        .unwrap();
+    settle(&mut window);
+    window.run_steps(3);
+    let rows = |w: &Window| -> Vec<String> {
+        let rows = w.query_all_by_label_contains("Point ");
+        let label = |n: egui_kittest::Node<'_>| n.accesskit_node().label().unwrap_or_default();
+        rows.map(label).filter(|l| l.contains(":  ")).collect()
+    };
+    let shown = rows(&window);
+    assert!((4..=12).contains(&shown.len()), "{shown:?}");
+    type_into(&mut window, "Number", "700");
+    window.run_steps(2);
+    let shown = rows(&window);
+    assert!(
+        shown.len() <= 12 && shown.iter().any(|l| l.starts_with("Point 700:")),
+        "{shown:?}"
+    );
+}
+
+#[test]
+fn over_the_mesh_the_guide_tool_says_what_it_does_and_a_click_selects() {
+    let text = ROUND.replace("size = 64", "size = 64\nmesh = \"plane\"");
+    let (mut window, _folder) = open(&text);
+    window.state_mut().desk.guides.shape = 3;
+    stroke(&mut window, (0.3, 0.35), (0.7, 0.65));
+    press(&mut window, "Escape");
+    assert_eq!(window.state().desk.guides.selected, None);
+    let rect = window.get_by_role_and_label(Role::Canvas, "3D view").rect();
+    let (recipe, eye) = (
+        window.state().desk.studio.recipe().clone(),
+        window.state().desk.studio.scene().camera.eye,
+    );
+    window.hover_at(rect.center());
+    window.run_steps(2);
+    let told = |w: &Window| texts(w).join("; ");
+    assert!(
+        told(&window).contains("guides are drawn on the map; click"),
+        "{}",
+        told(&window)
+    );
+    window.drag_at(rect.center());
+    window.step();
+    window.drop_at(rect.center());
+    window.run_steps(2);
+    assert_eq!(window.state().desk.guides.selected, Some(0));
+    assert!(
+        *window.state().desk.studio.recipe() == recipe,
+        "it draws nothing"
+    );
+    stroke_in(&mut window, rect, vec2(0.5, 0.5), vec2(0.6, 0.55));
+    assert!(*window.state().desk.studio.recipe() == recipe);
+    assert!(
+        window.state().desk.studio.scene().camera.eye != eye,
+        "a drag turns"
+    );
+    press(&mut window, "F4");
+    window.run_steps(2);
+    let rect = window.get_by_role_and_label(Role::Canvas, "3D view").rect();
+    window.hover_at(rect.center());
+    window.run_steps(2);
+    assert!(
+        told(&window).contains("on the map (F2)"),
+        "{}",
+        told(&window)
+    );
+}
+
+fn stroke_in(window: &mut Window, rect: eframe::egui::Rect, from: Vec2, to: Vec2) {
+    let (from, to) = (rect.lerp_inside(from), rect.lerp_inside(to));
+    window.drag_at(from);
+    window.step();
+    for i in 1..=4 {
+        window.hover_at(from + (to - from) * (i as f32 / 4.0));
+        window.step();
+    }
+    window.drop_at(to);
+    window.run_steps(2);
 }
