@@ -21,9 +21,10 @@ use anisomap::studio::view::{
 };
 use eframe::egui::{
     self, Align2, Color32, ColorImage, CornerRadius, Painter, PointerButton, Pos2, Rect, Response,
-    Role, Sense, Shape, Stroke, TextureHandle, Ui, WidgetInfo, pos2, vec2,
+    Sense, Shape, Stroke, TextureHandle, Ui, pos2, vec2,
 };
 use glam::{DVec2, Vec2, Vec3};
+pub(crate) use lamp::button;
 use outlines::Layout;
 use stroke::Drawing;
 
@@ -130,7 +131,6 @@ impl CanvasPane {
     pub(crate) fn show(&mut self, ui: &mut Ui, desk: &mut Desk) {
         self.strip(ui, desk);
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-        response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, "Paint canvas"));
         self.rect = rect;
         ui.painter()
             .rect_filled(rect, CornerRadius::ZERO, Palette::of(ui).backdrop);
@@ -139,6 +139,7 @@ impl CanvasPane {
         };
         let before = camera;
         self.navigate(ui, &response, desk, &mut camera);
+        self.steer(ui, &response, desk, &mut camera);
         self.fits &= camera == before;
         self.camera = Some(camera);
         self.paint_with_pen(ui, &response, desk, camera);
@@ -158,8 +159,9 @@ impl CanvasPane {
         self.linked(ui, &painter, desk, camera);
         self.legend(ui, &painter, desk);
         if self.kind.is_lit() {
-            self.light_handle(ui, &painter, &response);
+            self.light_handle(ui, &painter, &response, desk);
         }
+        self.show_focus(ui, &painter, &response);
         self.cursor(ui, &painter, &response, desk, camera);
     }
 

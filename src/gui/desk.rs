@@ -100,6 +100,8 @@ pub(crate) struct Desk {
     pub(crate) exported: HashMap<PathBuf, Option<Stamp>>,
     /// The control that takes the keyboard first.
     pub(crate) first_control: Option<Id>,
+    /// The pictures and lights that arrow keys steer, in the order in which the keyboard goes to them.
+    pub(crate) steered: Vec<Id>,
     /// Size or flow that the pointer drags.
     pub(crate) adjusting: Option<Adjusting>,
     /// Whether the pointer did so at the beginning of this frame, so that it is nobody else's.
@@ -153,6 +155,7 @@ impl Desk {
             ask_outside: false,
             exported: HashMap::new(),
             first_control: None,
+            steered: Vec::new(),
             asked: Vec::new(),
             adjusting: None,
             pointer_taken: false,
@@ -174,6 +177,7 @@ impl Desk {
 
     /// Takes over what the background has finished.
     pub(crate) fn tick(&mut self, ctx: &Context) {
+        self.steered.clear();
         let Tick {
             map,
             new_map,

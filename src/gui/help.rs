@@ -8,7 +8,7 @@ use anisomap::studio::orbit::Preset;
 use eframe::egui::{self, RichText, Ui};
 
 /// What is done with the pointer: (where, how, what).
-const GESTURES: [(&str, &str); 15] = [
+const GESTURES: [(&str, &str); 16] = [
     (
         "Drag on the canvas",
         "Paints; the first dab waits for a direction",
@@ -34,7 +34,14 @@ const GESTURES: [(&str, &str); 15] = [
         "Drag the ball on the lit canvas",
         "Moves the light; Shift and the right button do so from anywhere",
     ),
-    ("Shift + right drag in 3D", "Turns the lights"),
+    (
+        "Shift + right drag in 3D",
+        "Turns the lights; so does a drag of their ball",
+    ),
+    (
+        "Go to the controls, then arrow keys",
+        "Move the map and the lights and turn the 3D view; Ctrl moves it, Alt zooms, Shift is fine",
+    ),
     ("Wheel in 3D", "Comes closer"),
     ("Drag a bar", "Sets its number, with Shift finely"),
     ("Click a bar", "Types its number"),

@@ -20,6 +20,7 @@ mod pane;
 mod presets;
 mod properties;
 mod status;
+mod steer;
 #[cfg(test)]
 mod tests;
 mod theme;

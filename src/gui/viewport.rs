@@ -1,5 +1,7 @@
 //! The 3D view: the mesh under light, the hand on camera and lamps, and models side by side.
 
+mod lamp;
+
 use super::desk::{Desk, Panes, Redraw};
 use super::icons::Icon;
 use super::pane::{Pen, pen, pressure, put, ring, strip};
@@ -19,8 +21,8 @@ use anisomap::studio::orbit::{Button, Drag, Orbit, Preset, turn_lights};
 use anisomap::studio::view::Probe;
 use anisomap::studio::{Hit, Show};
 use eframe::egui::{
-    self, Align2, Color32, ColorImage, CornerRadius, PointerButton, Pos2, Rect, Response, Role,
-    Sense, TextureHandle, Ui, WidgetInfo, pos2, vec2,
+    self, Align2, Color32, ColorImage, CornerRadius, PointerButton, Pos2, Rect, Response, Sense,
+    TextureHandle, Ui, pos2, vec2,
 };
 use glam::Vec2;
 use std::time::{Duration, Instant};
@@ -53,6 +55,8 @@ pub(crate) struct ViewportPane {
     /// When something last changed.
     touched: Instant,
     moving: bool,
+    /// Where the pointer was that drags the ball of the lights.
+    lights_from: Option<Pos2>,
     /// The second look, kept while one alone is shown.
     other: Look,
     drawing: Option<Drawing>,
@@ -73,6 +77,7 @@ impl Default for ViewportPane {
             pixels: Vec::new(),
             touched: Instant::now(),
             moving: false,
+            lights_from: None,
             other: Look {
                 model: Model::Ward,
                 mean: true,
@@ -91,14 +96,14 @@ impl ViewportPane {
     pub(crate) fn show(&mut self, ui: &mut Ui, desk: &mut Desk) {
         self.strip(ui, desk);
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-        response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, "3D view"));
         self.rect = rect;
         ui.painter()
             .rect_filled(rect, CornerRadius::ZERO, Palette::of(ui).backdrop);
         self.look_under_pointer(ui, &response, desk);
-        if !self.paint_with_pen(ui, &response, desk) {
+        if !self.hold_lights(ui, &response, desk) && !self.paint_with_pen(ui, &response, desk) {
             self.navigate(ui, &response, desk);
         }
+        self.steer(ui, &response, desk);
         self.draw(ui, desk, rect);
         if let Some(texture) = &self.texture {
             let uv = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
@@ -106,6 +111,7 @@ impl ViewportPane {
         }
         self.captions(ui, desk, rect);
         self.linked(ui, desk);
+        self.lights(ui, &response, desk);
         self.select_guide(&response, desk);
         self.cursor(ui, &response, desk);
     }
@@ -403,6 +409,9 @@ impl ViewportPane {
         let Some(pointer) = pointer.filter(|p| self.rect.contains(*p)) else {
             return;
         };
+        if self.lights_from.is_some() || self.is_ball(desk, pointer) {
+            return;
+        }
         if self.drawing.is_none() {
             self.hint_of_modifiers(ui, desk, pointer);
         }
@@ -509,15 +518,17 @@ impl ViewportPane {
                 scene = Some(turned(desk, |o| o.zoom(steps)));
             }
         }
-        let moves = drag.is_some() && drag != Some(Drag::Light);
-        if let Some(scene) = scene.filter(|s| s != desk.studio.scene()) {
-            desk.studio.set_scene(scene);
-            self.touch(desk, if moves { Redraw::Moving } else { Redraw::Sharp });
-            self.moving |= moves;
-        }
         if self.moving && !ui.input(|i| i.pointer.any_down()) {
             self.moving = false;
             self.touch(desk, Redraw::Sharp);
+        }
+        match scene.filter(|s| s != desk.studio.scene()) {
+            Some(scene) if drag == Some(Drag::Light) => {
+                desk.studio.set_scene(scene);
+                self.touch(desk, Redraw::Sharp);
+            }
+            Some(scene) => self.move_to(ui, desk, scene),
+            None => {}
         }
     }
 
@@ -623,9 +634,10 @@ impl ViewportPane {
             );
         }
         if desk.working.is_some() {
+            // Left of the ball.
             overlay_text(
                 &painter,
-                rect.right_top() + vec2(-10.0, 10.0),
+                rect.right_top() + vec2(-76.0, 10.0),
                 Align2::RIGHT_TOP,
                 "making the map",
             );

@@ -180,7 +180,7 @@ actions! {
         ShowBoth "show_both" "Canvas and 3D view" "Shows canvas and 3D view side by side" ["F2"]
         ShowCanvas "show_canvas" "Canvas alone" "Shows the canvas alone" ["F3"]
         ShowViewport "show_viewport" "3D view alone" "Shows the 3D view alone" ["F4"]
-        FocusControls "focus_controls" "Go to the controls" "Gives the keyboard to the controls: Tab goes on, Escape comes back" ["F6"]
+        FocusControls "focus_controls" "Go to the controls" "Gives the keyboard to the controls, then to the map, the 3D view and their lights: Tab goes on, Escape comes back" ["F6"]
         TogglePanels "toggle_panels" "Hide panels" "Hides all panels, and brings them back" ["Tab"]
         ToggleHistory "toggle_history" "History" "Shows the list of changes" ["Ctrl+H"]
         ToggleTheme "toggle_theme" "Light or dark" "Changes between the light and the dark theme" ["F10"]

@@ -130,6 +130,21 @@ impl Orbit {
         }
     }
 
+    /// Degrees around the vertical, 0 to 360, 0 where the eye is on +z.
+    pub fn heading_degrees(&self) -> f32 {
+        self.heading.to_degrees().rem_euclid(360.0)
+    }
+
+    /// Degrees above the horizon, -89 to 89.
+    pub fn elevation_degrees(&self) -> f32 {
+        self.elevation.to_degrees()
+    }
+
+    /// How far the eye is from what it turns around, in the mesh's units.
+    pub fn distance(&self) -> f32 {
+        self.distance
+    }
+
     fn projection_now(&self) -> Projection {
         match self.projection {
             // Of an orthographic camera the zoom is in its extent.

@@ -13,6 +13,7 @@ use anisomap::preview::Rig;
 use anisomap::studio::action::{Action, Group};
 use anisomap::studio::hand::{Mirror, ToolKind};
 use anisomap::studio::settings::Theme;
+use anisomap::studio::view::Lighting;
 use eframe::egui::{self, Context, Ui, ViewportCommand};
 
 impl App {
@@ -207,7 +208,10 @@ impl App {
             Action::NextModel => self.viewport.next_model(desk),
             Action::Compare => self.viewport.toggle_compare(desk, false),
             Action::Difference => self.viewport.toggle_compare(desk, true),
-            Action::ResetLight => set_lights(desk, Rig::Studio),
+            Action::ResetLight => {
+                set_lights(desk, Rig::Studio);
+                self.canvas.light = Lighting::default().toward;
+            }
             Action::ExposureDown => set_exposure(desk, exposure - 1.0 / 3.0),
             Action::ExposureUp => set_exposure(desk, exposure + 1.0 / 3.0),
             _ => {}
@@ -224,8 +228,12 @@ impl App {
             Action::ShowViewport => desk.panes = Panes::Viewport,
             Action::FocusControls => {
                 desk.panels = true;
-                if let Some(id) = desk.first_control {
-                    ctx.memory_mut(|m| m.request_focus(id));
+                let stops: Vec<_> = desk.first_control.iter().chain(&desk.steered).collect();
+                let now = ctx.memory(|m| m.focused());
+                let at = stops.iter().position(|id| Some(**id) == now);
+                let next = at.map_or(0, |at| (at + 1) % stops.len());
+                if let Some(id) = stops.get(next) {
+                    ctx.memory_mut(|m| m.request_focus(**id));
                 }
             }
             Action::TogglePanels => desk.panels = !desk.panels,

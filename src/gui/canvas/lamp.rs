@@ -1,68 +1,110 @@
-//! The ball by which the light of the lit map is moved.
+//! The ball by which the light of the lit map is moved, and the keys that move light and map.
 
 use super::CanvasPane;
-use crate::gui::icons::Icon;
-use crate::gui::theme::Palette;
-use crate::gui::widgets::overlay_text;
-use eframe::egui::{
-    self, Align2, Color32, Event, Painter, PointerButton, Pos2, Rect, Response, Stroke, Ui, vec2,
+use crate::gui::desk::Desk;
+use crate::gui::steer::{
+    BALL, Steered, ball_centre, ball_rect, focus_frame, focus_text, light_text, on_ball, paint_ball,
 };
-use glam::{Vec2, Vec3};
+use anisomap::studio::view::Camera2d;
+use eframe::egui::{self, Event, Painter, PointerButton, Pos2, Response, Role, Sense, Ui};
+use glam::{DVec2, Vec2, Vec3};
 
-/// Radius of the ball by which the light is moved, points.
-const LAMP: f32 = 24.0;
+/// How far a step of the keys moves the sun on the ball, as a part of its radius, and the map, as a part of the canvas.
+const LIGHT_STEP: f32 = 0.05;
+const MAP_STEP: f64 = 0.05;
+/// What a step zooms by.
+const ZOOM_STEP: f64 = 1.25;
+
+const LIGHT_KEYS: &str = "arrow keys move the light, with Shift finely";
+const MAP_KEYS: &str = "arrow keys move the map, with Alt up and down zoom, with Shift finely";
 
 impl CanvasPane {
     /// The lamp of the lit view: a ball in the corner, lit from where the sun on it stands.
-    pub(super) fn light_handle(&self, ui: &Ui, painter: &Painter, response: &Response) {
-        let (centre, sun) = (self.lamp_centre(), self.light_place());
-        let hot = self.holding_light || response.hover_pos().is_some_and(|p| self.is_lamp(p));
-        painter.circle_filled(
-            centre,
-            LAMP + 5.0,
-            Color32::from_black_alpha(if hot { 200 } else { 130 }),
-        );
-        let ring = if hot {
-            Palette::of(ui).accent
-        } else {
-            Color32::from_white_alpha(90)
+    pub(super) fn light_handle(
+        &mut self,
+        ui: &Ui,
+        painter: &Painter,
+        response: &Response,
+        desk: &mut Desk,
+    ) {
+        let id = response.id.with("light");
+        let ball = ui.interact(ball_rect(self.rect), id, Sense::focusable_noninteractive());
+        let steered = Steered {
+            role: Role::Slider,
+            name: "Light of the map",
+            state: light_text(self.light),
+            keys: LIGHT_KEYS,
         };
-        painter.circle_stroke(centre, LAMP, Stroke::new(1.0, ring));
-        painter.line_segment(
-            [centre, sun],
-            Stroke::new(1.0, Color32::from_white_alpha(60)),
-        );
-        let colour = if hot {
-            Palette::of(ui).accent
-        } else {
-            Color32::from_rgb(0xf3, 0xea, 0xd8)
-        };
-        Icon::Sun.paint(
+        for step in steered.steps(ui, &ball, desk) {
+            let by = step.by * LIGHT_STEP;
+            self.move_light(Vec2::new(self.light.x, self.light.y) + by);
+        }
+        let focused = ball.has_focus();
+        let hot =
+            self.holding_light || focused || response.hover_pos().is_some_and(|p| self.is_lamp(p));
+        paint_ball(
+            ui,
             painter,
-            Rect::from_center_size(sun, vec2(17.0, 17.0)),
-            colour,
+            self.rect,
+            &[self.light.normalize_or(Vec3::Z)],
+            hot,
         );
-        if hot {
-            overlay_text(
-                painter,
-                centre + vec2(0.0, LAMP + 9.0),
-                Align2::CENTER_TOP,
-                "drag the light",
-            );
+        if focused {
+            focus_text(painter, self.rect, LIGHT_KEYS);
+        }
+        if !self.holding_light {
+            let goes = desk.tip(anisomap::studio::action::Action::FocusControls);
+            ball.on_hover_text(format!(
+                "The light of the map: drag it. With the focus {LIGHT_KEYS}.\n{goes}"
+            ));
         }
     }
 
-    pub(super) fn lamp_centre(&self) -> Pos2 {
-        self.rect.right_top() + vec2(-LAMP - 14.0, LAMP + 14.0)
+    /// Moves the light to a place on the ball, or on its rim.
+    fn move_light(&mut self, flat: Vec2) {
+        let flat = flat.clamp_length_max(0.98);
+        self.light = Vec3::new(flat.x, flat.y, (1.0 - flat.length_squared()).sqrt());
+    }
+
+    /// Moves the map by the arrow keys while the canvas has the focus.
+    pub(super) fn steer(
+        &self,
+        ui: &Ui,
+        response: &Response,
+        desk: &mut Desk,
+        camera: &mut Camera2d,
+    ) {
+        let zoom = 100.0 * camera.pixels_per_texel().y;
+        let steered = Steered {
+            role: Role::Canvas,
+            name: "Paint canvas",
+            state: format!("zoom {zoom:.0}%"),
+            keys: MAP_KEYS,
+        };
+        let size = DVec2::new(
+            f64::from(camera.size.width()),
+            f64::from(camera.size.height()),
+        );
+        for step in steered.steps(ui, response, desk) {
+            let by = step.by.as_dvec2();
+            *camera = if step.alt {
+                camera.zoomed(self.map, 0.5 * size, ZOOM_STEP.powf(by.y))
+            } else {
+                camera.panned(self.map, DVec2::new(by.x, -by.y) * MAP_STEP * size)
+            };
+        }
+    }
+
+    /// Shows that the keyboard has the canvas.
+    pub(super) fn show_focus(&self, ui: &Ui, painter: &Painter, response: &Response) {
+        if response.has_focus() {
+            focus_frame(ui, painter, self.rect);
+            focus_text(painter, self.rect, MAP_KEYS);
+        }
     }
 
     pub(super) fn is_lamp(&self, at: Pos2) -> bool {
-        self.kind.is_lit() && at.distance(self.lamp_centre()) < LAMP + 5.0
-    }
-
-    pub(super) fn light_place(&self) -> Pos2 {
-        let flat = Vec2::new(self.light.x, self.light.y) / self.light.length().max(1e-6);
-        self.lamp_centre() + vec2(flat.x, -flat.y) * LAMP
+        self.kind.is_lit() && on_ball(self.rect, at)
     }
 
     /// Moves the light while its ball is dragged, or Shift and the right button are; `true` while it is.
@@ -88,17 +130,17 @@ impl CanvasPane {
             let moved = response.drag_delta() / (0.4 * self.rect.size().min_elem().max(1.0));
             Vec2::new(self.light.x + moved.x, self.light.y - moved.y)
         } else {
-            let from = pointer.map_or(egui::Vec2::ZERO, |p| (p - self.lamp_centre()) / LAMP);
+            let centre = ball_centre(self.rect);
+            let from = pointer.map_or(egui::Vec2::ZERO, |p| (p - centre) / BALL);
             Vec2::new(from.x, -from.y)
         };
-        let flat = flat.clamp_length_max(0.98);
-        self.light = Vec3::new(flat.x, flat.y, (1.0 - flat.length_squared()).sqrt());
+        self.move_light(flat);
         true
     }
 }
 
 /// Where an event presses the first button, or lets it go.
-fn button(event: &Event, is_pressed: bool) -> Option<Pos2> {
+pub(crate) fn button(event: &Event, is_pressed: bool) -> Option<Pos2> {
     match event {
         Event::PointerButton {
             pos,

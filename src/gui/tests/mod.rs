@@ -7,6 +7,7 @@ mod pen;
 mod renderer;
 mod shortcuts;
 mod sources;
+mod steer;
 
 use super::app::App;
 use super::canvas::Kind;
