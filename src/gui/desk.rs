@@ -4,6 +4,7 @@ use super::adjusting::Adjusting;
 use super::guides::GuideHand;
 use super::intake::Part;
 use super::messages::{About, Messages};
+use super::timings::StageTimes;
 use anisomap::Error;
 use anisomap::map::Rect;
 use anisomap::recipe::{Layer, RecipeFile, Source, Stamp};
@@ -86,6 +87,8 @@ pub(crate) struct Desk {
     pub(crate) news: News,
     /// How long the last drawing of the 3D picture took that changed anything.
     pub(crate) draw_time: Option<Duration>,
+    /// What of it which stage took.
+    pub(crate) stages: StageTimes,
     /// Whether the 3D picture has to be drawn again, and whether by a hand that still moves.
     pub(crate) redraw: Redraw,
     /// The file that is being read, in words.
@@ -148,6 +151,7 @@ impl Desk {
             working: None,
             news: News::default(),
             draw_time: None,
+            stages: StageTimes::default(),
             redraw: Redraw::Sharp,
             reading: None,
             large: None,

@@ -25,6 +25,7 @@ mod steer;
 mod tests;
 mod theme;
 mod tools;
+mod timings;
 mod turns;
 mod viewport;
 mod watch;

@@ -121,6 +121,7 @@ impl ViewportPane {
         strip(ui, |ui| {
             let show = desk.studio.viewport().show();
             let is_pair = !matches!(show, Show::One(_));
+        super::timings::show(&ui.painter_at(rect), desk, rect);
             let room = ui.available_width();
             // Buttons, then mesh, model, mode, second model, exposure, as long as there is room for the next.
             let mut left = room - ICONS - MESH;
@@ -555,6 +556,7 @@ impl ViewportPane {
             parts = vec![size.rect()];
         }
         for part in parts {
+                desk.stages.take(desk.studio.timings());
             self.upload(ui, desk, size, part);
         }
         self.refine_when_idle(ui, desk);

@@ -10,7 +10,7 @@ use crate::brdf::Model;
 use crate::error::{Error, Result};
 use crate::map::{Rect, Size};
 use crate::preview::{
-    Difference, Frame, Look, Measure, Picture, Prepared, REFERENCE_SAMPLES, Redrawn, Scene,
+    Difference, Frame, Look, Measure, Picture, Prepared, REFERENCE_SAMPLES, Redrawn, Scene, Stage,
     Subject, Timings, render_reference,
 };
 
@@ -266,7 +266,9 @@ impl Viewport {
             dirty = vec![self.size.rect()];
         }
         let pictures: Vec<&Picture> = self.frames.iter().map(Frame::picture).collect();
-        self.scale = put(&mut self.pixels, self.size, self.show, &pictures, &dirty)?;
+        self.scale = timings.time(Stage::Tone, || {
+            put(&mut self.pixels, self.size, self.show, &pictures, &dirty)
+        })?;
         self.quality = Quality {
             samples: u32::from(!moves),
             is_reference: false,

@@ -212,6 +212,7 @@ impl App {
                 set_lights(desk, Rig::Studio);
                 self.canvas.light = Lighting::default().toward;
             }
+            Action::ToggleTimings => desk.stages.shown = !desk.stages.shown,
             Action::ExposureDown => set_exposure(desk, exposure - 1.0 / 3.0),
             Action::ExposureUp => set_exposure(desk, exposure + 1.0 / 3.0),
             _ => {}
