@@ -10,6 +10,7 @@ use super::messages::count;
 use super::presets::{PresetBrowser, Wish as PresetWish};
 use super::properties::memory;
 use super::theme::{self, Palette};
+use super::tools::tips;
 use super::widgets::{Bar, caption, choices};
 use anisomap::Error;
 use anisomap::map::Size;
@@ -370,7 +371,9 @@ fn no_uvs(ui: &mut Ui, path: &Path) -> (Next, Option<Wish>) {
     let mut answer = (Next::Stay, None);
     ui.horizontal(|ui| {
         let lay = default_button(ui, "Project from six sides");
-        if lay.clicked() {
+        let tip =
+            "Gives the mesh a layout of its own: each side's parts beside each other (Enter).";
+        if lay.on_hover_text(tip).clicked() {
             let file = path.to_string_lossy();
             let word = Projection::join(&file, Some(Projection::Box));
             let wish = Wish::Chosen(Purpose::Mesh, word.into());
@@ -569,7 +572,7 @@ fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, O
     caption(ui, "Width and height in texels");
     let sides = [512u32, 1024, 2048, 4096, 8192, 16384];
     let words: Vec<String> = sides.iter().map(u32::to_string).collect();
-    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let words: Vec<(&str, &str)> = words.iter().map(|word| (word.as_str(), "")).collect();
     let now = sides.iter().position(|s| *s == new.side).unwrap_or(1);
     if let Some(i) = choices(
         ui,
@@ -590,8 +593,8 @@ fn new_document(ui: &mut Ui, desk: &mut Desk, new: &mut NewDocument) -> (Next, O
     }
     caption(ui, "Mesh");
     let meshes = super::viewport::MESHES.map(super::properties::sentence);
-    let mut words: Vec<&str> = meshes.iter().map(String::as_str).collect();
-    words.push("Own\u{2026}");
+    let mut words: Vec<(&str, &str)> = meshes.iter().map(|mesh| (mesh.as_str(), "")).collect();
+    words.push(("Own\u{2026}", "A GLB, glTF or OBJ file, asked for next."));
     if let Some(i) = choices(
         ui,
         ("Mesh", "What the map is shown on, and painted on."),
@@ -699,8 +702,12 @@ fn settings(ui: &mut Ui, desk: &mut Desk) -> (Next, Option<Wish>) {
         .unwrap_or(0);
     if let Some(i) = choices(
         ui,
-        ("Theme", "The colours of the window."),
-        &["Dark", "Light", "As the system"],
+        ("Theme", &tips(desk, "", &[Action::ToggleTheme])),
+        &[
+            ("Dark", "Light text on dark panels."),
+            ("Light", "Dark text on light panels."),
+            ("As the system", "Light or dark, as the system says."),
+        ],
         now,
     ) {
         desk.settings.theme = themes[i];
@@ -714,8 +721,21 @@ fn settings(ui: &mut Ui, desk: &mut Desk) -> (Next, Option<Wish>) {
         .unwrap_or(usize::MAX);
     if let Some(i) = choices(
         ui,
-        ("Scale", "Size of text and controls."),
-        &["80%", "100%", "125%", "150%", "200%"],
+        (
+            "Scale",
+            &tips(
+                desk,
+                "The size of text and controls.",
+                &[Action::ScaleUp, Action::ScaleDown],
+            ),
+        ),
+        &[
+            ("80%", ""),
+            ("100%", ""),
+            ("125%", ""),
+            ("150%", ""),
+            ("200%", ""),
+        ],
         now,
     ) {
         desk.settings.scale = scales[i];
@@ -729,11 +749,17 @@ fn settings(ui: &mut Ui, desk: &mut Desk) -> (Next, Option<Wish>) {
         .unwrap_or(0);
     if let Some(i) = choices(
         ui,
-        (
-            "Camera",
-            "What turns, moves and zooms the 3D view: Alt and the left, middle and right button, or the middle button alone, with Shift and with Ctrl.",
-        ),
-        &["Alt + buttons", "Middle button"],
+        ("Camera", ""),
+        &[
+            (
+                "Alt + buttons",
+                "Alt and the left, middle and right button turn, move and zoom the 3D view.",
+            ),
+            (
+                "Middle button",
+                "The middle button alone, with Shift and with Ctrl turns, moves and zooms the 3D view.",
+            ),
+        ],
         now,
     ) {
         desk.settings.navigation = presets[i];

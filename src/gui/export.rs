@@ -5,7 +5,7 @@ use super::dialogs::{default_button, main_button};
 use super::messages::count;
 use super::properties::{bytes_text, memory, too_large};
 use super::theme::Palette;
-use super::widgets::caption;
+use super::widgets::{Tip, caption};
 use super::work::{Now, Reins, Work};
 use anisomap::Error;
 use anisomap::export::Written;
@@ -175,9 +175,7 @@ impl ExportDialog {
             .any(|t| self.targets.contains(t));
         ui.add_enabled_ui(has_exr, |ui| {
             ui.checkbox(&mut self.float, "32-bit floats in OpenEXR")
-                .on_hover_text(
-                    "Nothing is rounded, and files are twice as large. Halves are within 0.05 %.",
-                );
+                .tip("Nothing is rounded, and files are twice as large. Halves are within 0.05 %.");
         });
         caption(ui, "Size in texels");
         let own = desk.studio.recipe().size;
@@ -187,7 +185,11 @@ impl ExportDialog {
             .show_ui(ui, |ui| {
                 for size in sizes(own) {
                     let text = format!("{size}  ({})", memory(desk.studio.recipe(), size));
-                    ui.selectable_value(&mut self.size, size, text);
+                    let takes = memory(desk.studio.recipe(), size);
+                    let tip =
+                        format!("Writes the map at {size}, which takes about {takes} meanwhile.");
+                    ui.selectable_value(&mut self.size, size, text)
+                        .on_hover_text(tip);
                 }
             })
             .response
@@ -227,7 +229,7 @@ impl ExportDialog {
                 ui.add_enabled_ui(false, |ui| main_button(ui, "Export"))
                     .inner
             };
-            if go.on_hover_text("Writes the files.").clicked() {
+            if go.tip("Writes the files (Enter).").clicked() {
                 self.begin(ui, desk);
             }
             let close = ui.button("Close");
@@ -382,7 +384,11 @@ fn show_report(ui: &mut Ui, report: &Report) -> Wish {
         ui.add(egui::Label::new(note).wrap());
     }
     ui.add_space(8.0);
-    if default_button(ui, "Close").clicked() {
+    let close = default_button(ui, "Close");
+    if close
+        .on_hover_text("Closes this list (Enter, Escape).")
+        .clicked()
+    {
         Wish::Close
     } else {
         Wish::Stay

@@ -161,7 +161,7 @@ impl FileDialog {
             for (path, name) in recent(desk).into_iter().take(6) {
                 if ui
                     .selectable_label(false, name)
-                    .on_hover_text(path.display().to_string())
+                    .on_hover_text(format!("Opens {}.", path.display()))
                     .clicked()
                 {
                     answer = Answer::Path(path.clone());
@@ -290,7 +290,12 @@ impl FileDialog {
                     .auto_shrink(false)
                     .max_height(190.0)
                     .show(ui, |ui| {
-                        if folder.parent().is_some() && ui.selectable_label(false, "..").clicked() {
+                        if folder.parent().is_some()
+                            && ui
+                                .selectable_label(false, "..")
+                                .on_hover_text("Goes to the folder above.")
+                                .clicked()
+                        {
                             chosen = Some("..".to_owned());
                         }
                         for entry in entries {
@@ -299,7 +304,13 @@ impl FileDialog {
                             } else {
                                 entry.name.clone()
                             };
-                            if ui.selectable_label(false, text).clicked() {
+                            let tip = if entry.is_folder {
+                                "Goes into this folder."
+                            } else {
+                                "Puts this file's path into the field above."
+                            };
+                            let label = ui.selectable_label(false, text);
+                            if label.on_hover_text(tip).clicked() {
                                 chosen = Some(entry.name.clone());
                             }
                         }

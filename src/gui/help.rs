@@ -8,7 +8,7 @@ use anisomap::studio::orbit::Preset;
 use eframe::egui::{self, RichText, Ui};
 
 /// What is done with the pointer: (where, how, what).
-const GESTURES: [(&str, &str); 16] = [
+const GESTURES: [(&str, &str); 15] = [
     (
         "Drag on the canvas",
         "Paints; the first dab waits for a direction",
@@ -19,10 +19,6 @@ const GESTURES: [(&str, &str); 16] = [
         "A straight line from the end of the last stroke",
     ),
     ("Ctrl + Shift + click", "The same in steps of 15 degrees"),
-    (
-        "F, then move, then click",
-        "Size sideways, hardness up and down; the right button puts it back",
-    ),
     (
         "Drag with the guide tool",
         "Draws a guide; Shift makes it even, Alt begins at its middle",
@@ -195,7 +191,15 @@ fn gestures(desk: &Desk, wanted: &str) -> Part {
             "Turns, moves, zooms the camera",
         ),
     };
-    let all = GESTURES.iter().copied().chain([orbit]);
+    let drag_size = format!(
+        "{}, then move, then click",
+        desk.keymap.keys_text(Action::DragSize)
+    );
+    let drag_size = (
+        &*drag_size,
+        "Size sideways, hardness up and down; the right button puts it back",
+    );
+    let all = GESTURES.iter().copied().chain([drag_size, orbit]);
     let rows = all.map(|(how, what)| [what.to_owned(), how.to_owned(), String::new()]);
     Part {
         title: "Pointer",

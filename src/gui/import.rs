@@ -2,7 +2,7 @@
 
 use super::intake::Told;
 use super::theme::Palette;
-use super::widgets::caption;
+use super::widgets::{Tip, caption};
 use super::work::{Now, Reins, Work};
 use anisomap::Error;
 use anisomap::convention::LobeFit;
@@ -278,11 +278,7 @@ impl ImportDialog {
             };
             let go = egui::Button::new(RichText::new(text).color(palette.text))
                 .fill(palette.accent_ground);
-            if ui
-                .add_enabled(problem.is_none(), go)
-                .on_hover_text(tip)
-                .clicked()
-            {
+            if ui.add_enabled(problem.is_none(), go).tip(tip).clicked() {
                 let name = self.name.trim();
                 wish = Wish::Import(Box::new(Told {
                     name: if name.is_empty() { "map" } else { name }.to_owned(),
@@ -368,7 +364,8 @@ impl ImportDialog {
                 }
             })
             .response
-            .accessible_name("Convention");
+            .accessible_name("Convention")
+            .on_hover_text("The program whose textures these are: sets all that stands below.");
         let about = now.map_or(
             "None of the conventions that have a name: the rows below say what the textures mean.",
             |n| n.about,
@@ -417,26 +414,14 @@ impl ImportDialog {
             .id_salt("meaning")
             .show(ui, |ui| {
                 let scroll = egui::ScrollArea::vertical().max_height(220.0);
-                scroll.show(ui, |ui| egui::Grid::new("meaning").num_columns(2).show(ui, |ui| {
-                    pick(ui, "Widths by", &mut c.widths, &Widths::ALL.map(|w| (w, formula(w))));
-                    let curves = [(Curve::Linear, "a width"), (Curve::Square, "a roughness: its square is the width")];
-                    pick(ui, "First number is", &mut c.curve, &curves);
-                    tick(ui, "Inverted", &mut c.inverted, "1 minus it is stored: smoothness, glossiness.");
-                    number(ui, "Width of a 1", &mut c.scale, 1e-3..=100.0);
-                    number(ui, "Factor of the second", &mut c.strength, 0.0..=1.0);
-                    tick(ui, "Second from the middle", &mut c.second_from_middle, "A stored 0 is -1, a stored 0.5 is 0.");
-                    let fits = [(LobeFit::Identity, "Ward or Beckmann"), (LobeFit::WardToGgx, "GGX: the nearest Ward lobe")];
-                    pick(ui, "Lobe", &mut c.lobe_fit, &fits);
-                    let encodings = [(Encoding::Angle, "an angle"), (Encoding::Vector, "a vector"), (Encoding::Double, "a vector of the doubled angle")];
-                    pick(ui, "Direction is", &mut c.encoding, &encodings);
-                    tick(ui, "Vector from the middle", &mut c.direction_from_middle, "A stored 0 is -1, a stored 0.5 is 0.");
-                    number(ui, "Degrees of a 1", &mut c.angle_range, 1.0..=720.0);
-                    tick(ui, "Clockwise", &mut c.clockwise, "Angles grow clockwise; the second part of a vector points down the picture.");
-                    number(ui, "Degrees added", &mut c.rotation, -360.0..=360.0);
-                    let axes = [(Leads::Along, "the axis that the widths' formula calls along"), (Leads::Highlight, "the highlight"), (Leads::Grooves, "the grooves")];
-                    pick(ui, "Direction of", &mut c.leads, &axes);
-                }));
-            });
+                scroll.show(ui, |ui| {
+                    egui::Grid::new("meaning")
+                        .num_columns(2)
+                        .show(ui, |ui| meaning_rows(ui, c));
+                });
+            })
+            .header_response
+            .on_hover_text("Shows or hides every part of the convention, to be changed.");
     }
 
     fn preview(&mut self, ui: &mut Ui) {
@@ -511,34 +496,50 @@ fn channel(ui: &mut Ui, label: &str, seen: &Seen, slot: &mut Option<Channel>) {
         .truncate()
         .selected_text(slot.as_ref().map_or("none".to_owned(), text))
         .show_ui(ui, |ui| {
-            ui.selectable_value(slot, None, "none");
+            ui.selectable_value(slot, None, "none")
+                .on_hover_text("No picture holds it.");
             for (file, about) in &seen.files {
                 for name in &about.channels {
                     let channel = Channel::new(&**file, &**name);
                     let words = text(&channel);
-                    ui.selectable_value(slot, Some(channel), words);
+                    let tip = format!(
+                        "Channel {} of {file}, {} texels.",
+                        name.to_uppercase(),
+                        about.size
+                    );
+                    ui.selectable_value(slot, Some(channel), words)
+                        .on_hover_text(tip);
                 }
             }
         })
         .response
-        .accessible_name(label);
+        .accessible_name(label)
+        .on_hover_text(format!("Which channel of which picture holds it: {label}."));
     ui.end_row();
 }
 
-fn pick<T: Copy + PartialEq>(ui: &mut Ui, label: &str, value: &mut T, all: &[(T, &str)]) {
+/// One of a few meanings, each with its words and what they say.
+fn pick<T: Copy + PartialEq>(
+    ui: &mut Ui,
+    (label, tip): (&str, &str),
+    value: &mut T,
+    all: &[(T, &str, &str)],
+) {
     ui.label(label);
-    let now = all.iter().find(|(v, _)| v == value).map_or("", |(_, t)| t);
+    let now = all.iter().find(|(v, ..)| v == value);
+    let now = now.map_or("", |(_, text, _)| text);
     ComboBox::from_id_salt(label)
         .width(230.0)
         .truncate()
         .selected_text(now)
         .show_ui(ui, |ui| {
-            for (one, text) in all {
-                ui.selectable_value(value, *one, *text);
+            for (one, text, says) in all {
+                ui.selectable_value(value, *one, *text).on_hover_text(*says);
             }
         })
         .response
-        .accessible_name(label);
+        .accessible_name(label)
+        .on_hover_text(tip);
     ui.end_row();
 }
 
@@ -546,32 +547,166 @@ fn tick(ui: &mut Ui, label: &str, value: &mut bool, tip: &str) {
     ui.label(label);
     let text = if *value { "yes" } else { "no" };
     ui.checkbox(value, text)
-        .on_hover_text(tip)
-        .accessible_name(label);
+        .accessible_name(label)
+        .on_hover_text(tip);
     ui.end_row();
 }
 
-fn number(ui: &mut Ui, label: &str, value: &mut f32, range: std::ops::RangeInclusive<f32>) {
+fn number(
+    ui: &mut Ui,
+    (label, tip): (&str, &str),
+    value: &mut f32,
+    range: std::ops::RangeInclusive<f32>,
+) {
     ui.label(label);
+    let tip = format!(
+        "{tip}\n{} to {}; drag, or click to type.",
+        range.start(),
+        range.end()
+    );
     ui.add(
         DragValue::new(value)
             .range(range)
             .speed(0.01)
             .max_decimals(5),
     )
-    .accessible_name(label);
+    .accessible_name(label)
+    .on_hover_text(tip);
     ui.end_row();
 }
 
-fn formula(widths: Widths) -> &'static str {
+/// A row for each part of a convention.
+fn meaning_rows(ui: &mut Ui, c: &mut Convention) {
+    let ways = Widths::ALL.map(|w| {
+        let (text, says) = formula(w);
+        (w, text, says)
+    });
+    let tip = "How two numbers tell the widths: a is the width of the first, s the second.";
+    pick(ui, ("Widths by", tip), &mut c.widths, &ways);
+    let curves = [
+        (Curve::Linear, "a width", "It is taken as it is."),
+        (
+            Curve::Square,
+            "a roughness: its square is the width",
+            "As most programs store it.",
+        ),
+    ];
+    let tip = "What the first number is; of two widths, the second too.";
+    pick(ui, ("First number is", tip), &mut c.curve, &curves);
+    let tip = "1 minus it is stored: smoothness, glossiness.";
+    tick(ui, "Inverted", &mut c.inverted, tip);
+    let tip = "The width that a stored 1 stands for.";
+    number(ui, ("Width of a 1", tip), &mut c.scale, 1e-3..=100.0);
+    let tip = "What the second number is multiplied by.";
+    number(
+        ui,
+        ("Factor of the second", tip),
+        &mut c.strength,
+        0.0..=1.0,
+    );
+    let tip = "Of the second number a stored 0 is -1, a stored 0.5 is 0.";
+    tick(ui, "Second from the middle", &mut c.second_from_middle, tip);
+    let fits = [
+        (
+            LobeFit::Identity,
+            "Ward or Beckmann",
+            "The widths are taken as they are.",
+        ),
+        (
+            LobeFit::WardToGgx,
+            "GGX: the nearest Ward lobe",
+            "Each width becomes that of the Ward lobe which comes nearest to the GGX lobe.",
+        ),
+    ];
+    let tip = "The model that the widths were made for.";
+    pick(ui, ("Lobe", tip), &mut c.lobe_fit, &fits);
+    let encodings = [
+        (
+            Encoding::Angle,
+            "an angle",
+            "One number, a part of the degrees below. It must not be filtered.",
+        ),
+        (
+            Encoding::Vector,
+            "a vector",
+            "Two numbers, cos \u{3b8} and sin \u{3b8}, of any length.",
+        ),
+        (
+            Encoding::Double,
+            "a vector of the doubled angle",
+            "Two numbers, cos 2\u{3b8} and sin 2\u{3b8}, of any length.",
+        ),
+    ];
+    let tip = "How numbers tell the direction.";
+    pick(ui, ("Direction is", tip), &mut c.encoding, &encodings);
+    let tip = "Of the direction's vector a stored 0 is -1, a stored 0.5 is 0.";
+    tick(
+        ui,
+        "Vector from the middle",
+        &mut c.direction_from_middle,
+        tip,
+    );
+    let tip = "The degrees that a stored 1 of an angle stands for.";
+    number(ui, ("Degrees of a 1", tip), &mut c.angle_range, 1.0..=720.0);
+    let tip = "Angles grow clockwise; the second part of a vector points down the picture.";
+    tick(ui, "Clockwise", &mut c.clockwise, tip);
+    let tip = "Turned further by so much, counter-clockwise.";
+    number(ui, ("Degrees added", tip), &mut c.rotation, -360.0..=360.0);
+    let axes = [
+        (
+            Leads::Along,
+            "the axis that the widths' formula calls along",
+            "Of two widths, the axis of the first.",
+        ),
+        (
+            Leads::Highlight,
+            "the highlight",
+            "The axis with the larger width, along which highlights stretch.",
+        ),
+        (
+            Leads::Grooves,
+            "the grooves",
+            "The axis with the smaller width, along which grooves run.",
+        ),
+    ];
+    let tip = "Which axis the direction is of.";
+    pick(ui, ("Direction of", tip), &mut c.leads, &axes);
+}
+
+/// What a way to tell the widths is called, and its formula: `a` is the width of the first number, `s` the second number.
+fn formula(widths: Widths) -> (&'static str, &'static str) {
     match widths {
-        Widths::Alpha => "two widths",
-        Widths::Gltf => "glTF: mix(a, 1, s\u{b2})",
-        Widths::Disney => "Disney, Blender: 1 to 10 at most",
-        Widths::StandardSurface => "Standard Surface: 1 to 50 at most",
-        Widths::OpenPbr => "OpenPBR",
-        Widths::KullaConty => "Unreal, Unity: a (1 \u{b1} s)",
-        Widths::Glossy => "Blender's glossy node",
-        Widths::Substance => "Substance Painter: a / (1 - s)",
+        Widths::Alpha => (
+            "two widths",
+            "Each number is a width: along = a, across = the second.",
+        ),
+        Widths::Gltf => (
+            "glTF: mix(a, 1, s\u{b2})",
+            "along = mix(a, 1, s\u{b2}), across = a.",
+        ),
+        Widths::Disney => (
+            "Disney, Blender: 1 to 10 at most",
+            "aspect = \u{221a}(1 - 0.9 s); along = a / aspect, across = a \u{b7} aspect.",
+        ),
+        Widths::StandardSurface => (
+            "Standard Surface: 1 to 50 at most",
+            "aspect = \u{221a}(1 - s), s at most 0.98; along = a / aspect, at most 1, across = a \u{b7} aspect.",
+        ),
+        Widths::OpenPbr => (
+            "OpenPBR",
+            "along = a \u{221a}(2 / (1 + (1 - s)\u{b2})), across = (1 - s) \u{b7} along.",
+        ),
+        Widths::KullaConty => (
+            "Unreal, Unity: a (1 \u{b1} s)",
+            "along = a (1 + s), across = a (1 - s), s from -1 to 1.",
+        ),
+        Widths::Glossy => (
+            "Blender's glossy node",
+            "s from -0.99 to 0.99. Over 0: along = a (1 - s), across = a / (1 - s); else along = a / (1 + s), across = a (1 + s).",
+        ),
+        Widths::Substance => (
+            "Substance Painter: a / (1 - s)",
+            "along = a, across = a / (1 - s).",
+        ),
     }
 }

@@ -1,9 +1,11 @@
 //! The stack of layers, the uppermost first.
 
+use super::about;
 use super::desk::Desk;
 use super::icons::Icon;
 use super::theme::Palette;
-use super::widgets::{HEADING, heading, icon_button};
+use super::tools::tips;
+use super::widgets::{HEADING, Tip, heading, icon_button};
 use anisomap::recipe::{Layer, LeftOut, Source};
 use anisomap::studio::action::Action;
 use anisomap::studio::parameters::default_pattern;
@@ -114,8 +116,12 @@ impl LayersPanel {
                 desk.ask(action);
             }
         }
-        let plus = icon_button(ui, Icon::Plus, "Add layer", 24.0, false)
-            .on_hover_text("Adds a layer above the selected one.");
+        let tip = tips(
+            desk,
+            "Adds a layer above the selected one: strokes, guides, a pattern or a map.",
+            &[Action::NewPaintLayer, Action::NewGuideLayer],
+        );
+        let plus = icon_button(ui, Icon::Plus, "Add layer", 24.0, false).on_hover_text(tip);
         egui::Popup::menu(&plus).show(|ui| add_menu(ui, desk));
     }
 
@@ -139,7 +145,7 @@ impl LayersPanel {
         });
         let framed = (selected && layer.takes_paint).then(|| desk.studio.is_mask_selected());
         paint_row(ui, rect, &response, &layer, selected, framed);
-        self.parts(ui, desk, at, &layer, rect);
+        let over_part = self.parts(ui, desk, at, &layer, rect);
         if response.clicked() || response.drag_started() {
             desk.studio.select(at);
         }
@@ -162,23 +168,31 @@ impl LayersPanel {
         }
         let tip = match &layer.missing {
             Some(reason) => format!("Not shown: {reason}. Its properties find the file again."),
-            None => {
-                "Click selects, drag reorders, a double click renames, the right button has more."
-                    .to_owned()
-            }
+            None => tips(
+                desk,
+                "Click selects, drag reorders, a double click renames, the right button has more.",
+                &[
+                    Action::SelectAbove,
+                    Action::SelectBelow,
+                    Action::RaiseLayer,
+                    Action::LowerLayer,
+                    Action::RenameLayer,
+                ],
+            ),
         };
         let released = response
             .dnd_release_payload::<Dragged>()
             .map(|d| d.0)
             .filter(|from| *from != at);
-        if !response.dragged() {
+        // A tip that is open stays as long as the pointer is over its control: the row's would keep those of its parts away.
+        if !response.dragged() && !over_part {
             response.on_hover_text(tip);
         }
         released
     }
 
-    /// The parts of a row that are controls of their own.
-    fn parts(&mut self, ui: &mut Ui, desk: &mut Desk, at: usize, layer: &Line, rect: Rect) {
+    /// The parts of a row that are controls of their own; `true` while the pointer is over one.
+    fn parts(&mut self, ui: &mut Ui, desk: &mut Desk, at: usize, layer: &Line, rect: Rect) -> bool {
         let eye =
             Rect::from_center_size(pos2(rect.left() + 18.0, rect.center().y), vec2(24.0, 24.0));
         let mut child = ui.new_child(egui::UiBuilder::new().max_rect(eye));
@@ -194,11 +208,14 @@ impl LayersPanel {
             24.0,
             false,
         );
-        let tip = format!(
-            "Shows or hides the layer ({}).",
-            desk.keymap.keys_text(Action::ToggleLayer)
+        let tip = tips(
+            desk,
+            "Shows or hides this layer.",
+            &[Action::ToggleLayer, Action::SoloLayer],
         );
-        if button.on_hover_text(tip).clicked() {
+        let button = button.on_hover_text(tip);
+        let mut over = button.contains_pointer();
+        if button.clicked() {
             desk.edit_head(
                 at,
                 if layer.visible {
@@ -210,7 +227,7 @@ impl LayersPanel {
             );
         }
         if layer.takes_paint {
-            thumbnails(ui, desk, at, layer, rect);
+            over |= thumbnails(ui, desk, at, layer, rect);
         }
         let left = if layer.is_masked { 86.0 } else { 62.0 };
         let name = Rect::from_min_max(
@@ -225,7 +242,9 @@ impl LayersPanel {
                         name,
                         TextEdit::singleline(text).id(id).margin(vec2(4.0, 3.0)),
                     )
-                    .accessible_name("Layer name");
+                    .accessible_name("Layer name")
+                    .tip("The layer's name; Enter takes it, Escape leaves it.");
+                over |= response.contains_pointer();
                 if std::mem::take(fresh) {
                     response.request_focus();
                 }
@@ -258,11 +277,13 @@ impl LayersPanel {
                 );
             }
         }
+        over
     }
 }
 
-/// A click on the one or the other says where strokes go: to the layer, or to its mask.
-fn thumbnails(ui: &Ui, desk: &mut Desk, at: usize, layer: &Line, row: Rect) {
+/// A click on the one or the other says where strokes go: to the layer, or to its mask. `true` while the pointer is over one.
+fn thumbnails(ui: &Ui, desk: &mut Desk, at: usize, layer: &Line, row: Rect) -> bool {
+    let mut over = false;
     for mask in [false, true] {
         let id = Id::unique(("thumbnail", at, mask));
         let response = ui.interact(thumbnail(row, mask), id, Sense::click());
@@ -277,15 +298,21 @@ fn thumbnails(ui: &Ui, desk: &mut Desk, at: usize, layer: &Line, row: Rect) {
             )
         });
         let tip = if mask {
-            "Strokes go to the mask: brushes show the layer, the eraser hides it. View 8 shows the mask."
+            let view = desk.keymap.keys_text(Action::View8);
+            format!(
+                "Strokes go to the mask: brushes show the layer, the eraser hides it. The coverage view ({view}) shows the mask."
+            )
         } else {
-            "Strokes go to the layer itself."
+            "Strokes go to the layer itself.".to_owned()
         };
-        if response.on_hover_text(tip).clicked() {
+        let response = response.on_hover_text(tip);
+        over |= response.contains_pointer();
+        if response.clicked() {
             desk.studio.select(at);
             desk.studio.select_mask(mask);
         }
     }
+    over
 }
 
 /// Where a layer's own icon is, and that of its mask.
@@ -378,7 +405,7 @@ fn add_menu(ui: &mut Ui, desk: &mut Desk) {
         let text = format!("{}{}", name[..1].to_uppercase(), &name[1..]);
         if ui
             .button(text)
-            .on_hover_text(format!("Adds a layer of the pattern `{name}`."))
+            .on_hover_text(format!("Adds a pattern: {}.", about::pattern(name)))
             .clicked()
         {
             let added = default_pattern(name)

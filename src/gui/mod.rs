@@ -1,5 +1,6 @@
 //! The studio's window: turns events into calls of the library's `studio` module, and shows what is there.
 
+mod about;
 mod adjusting;
 mod app;
 mod canvas;
@@ -24,8 +25,8 @@ mod steer;
 #[cfg(test)]
 mod tests;
 mod theme;
-mod tools;
 mod timings;
+mod tools;
 mod turns;
 mod viewport;
 mod watch;

@@ -1,6 +1,7 @@
 //! The built-in recipes with pictures of them, which a thread draws.
 
 use super::theme::Palette;
+use super::widgets::Tip;
 use super::work::{Now, Work};
 use anisomap::Error;
 use anisomap::map::Size;
@@ -136,7 +137,7 @@ impl PresetBrowser {
                 if chosen.is_some() && std::mem::take(&mut self.to_open) {
                     button.request_focus();
                 }
-                if let (true, Some(preset)) = (button.on_hover_text(tip).clicked(), chosen) {
+                if let (true, Some(preset)) = (button.tip(tip).clicked(), chosen) {
                     wish = make(preset);
                 }
             }

@@ -1,8 +1,9 @@
 //! The panel under the layers: the brush, the selected layer, the document, the history.
 
+use super::about;
 use super::desk::{Desk, Large, LargeThing, Redraw, Wanted};
 use super::theme::Palette;
-use super::tools::{brush_panel, shown};
+use super::tools::{brush_panel, shown, tips};
 use super::widgets::{Bar, body, caption, choices, left_label};
 use anisomap::guide::Guides;
 use anisomap::map::{Size, Wrap};
@@ -11,7 +12,7 @@ use anisomap::pattern::Pattern;
 use anisomap::recipe::{Mask, MaskSource, Material, Recipe, SEED_MAX, Source};
 use anisomap::studio::action::Action;
 use anisomap::studio::hand::ToolKind;
-use anisomap::studio::parameters::{Setting, default_pattern, rows, with_value};
+use anisomap::studio::parameters::{Row, Setting, Word, default_pattern, rows, with_value};
 use anisomap::studio::{Header, LayerHead, bytes_free, bytes_needed, memory_warning};
 use eframe::egui::{self, Ui, vec2};
 
@@ -25,11 +26,28 @@ pub(crate) enum Leaf {
     History,
 }
 
-const LEAVES: [(Leaf, &str); 4] = [
-    (Leaf::Brush, "Brush"),
-    (Leaf::Layer, "Layer"),
-    (Leaf::Document, "Document"),
-    (Leaf::History, "History"),
+/// Each with its name and what it shows.
+const LEAVES: [(Leaf, &str, &str); 4] = [
+    (
+        Leaf::Brush,
+        "Brush",
+        "Spacing, jitter, pressure, stabiliser and symmetry of strokes.",
+    ),
+    (
+        Leaf::Layer,
+        "Layer",
+        "Opacity, channels, mask and numbers of the selected layer.",
+    ),
+    (
+        Leaf::Document,
+        "Document",
+        "Size, edges, material and seed of the whole map.",
+    ),
+    (
+        Leaf::History,
+        "History",
+        "Every change that can be taken back or made again.",
+    ),
 ];
 
 /// The panel and what it remembers.
@@ -41,12 +59,13 @@ pub(crate) struct PropertiesPanel {
 impl PropertiesPanel {
     pub(crate) fn show(&mut self, ui: &mut Ui, desk: &mut Desk) {
         super::pane::strip(ui, |ui| {
-            for (leaf, name) in LEAVES {
+            for (leaf, name, shows) in LEAVES {
                 let tab = super::pane::tab(ui, name, leaf == self.leaf);
-                if tab
-                    .on_hover_text(format!("Shows the settings of: {}.", name.to_lowercase()))
-                    .clicked()
-                {
+                let tip = match leaf {
+                    Leaf::History => tips(desk, shows, &[Action::ToggleHistory]),
+                    _ => shows.to_owned(),
+                };
+                if tab.on_hover_text(tip).clicked() {
                     self.leaf = leaf;
                 }
             }
@@ -267,14 +286,9 @@ fn pattern_rows(ui: &mut Ui, desk: &mut Desk, pattern: &Pattern) -> Option<(Patt
                 let default = default_pattern(pattern.name())
                     .ok()
                     .and_then(|p| number_of(&p, &row.key));
-                let unit = match parameter.unit {
-                    "degrees" => "\u{b0}",
-                    "surface units" | "slope width" => "",
-                    other => other,
-                };
                 let mut bar = Bar::new(&row.name, parameter.range.clone())
                     .integer(integer)
-                    .unit(unit);
+                    .unit(parameter.unit);
                 if let Some(default) = default {
                     bar = bar.default(default);
                 }
@@ -283,10 +297,10 @@ fn pattern_rows(ui: &mut Ui, desk: &mut Desk, pattern: &Pattern) -> Option<(Patt
                 seal(desk, turned.finished);
                 turned.value.map(toml_number(integer))
             }
-            Setting::Word { ref value, words } => word_row(ui, &row.name, value, words),
+            Setting::Word { ref value, words } => word_row(ui, &row, value, words),
             Setting::Flag(flag) => {
                 let mut now = flag;
-                let tip = format!("In the recipe: {}", row.key);
+                let tip = format!("{}; in the recipe: {}", row.name, row.key);
                 let changed = ui
                     .checkbox(&mut now, &row.name)
                     .on_hover_text(tip)
@@ -338,18 +352,17 @@ fn parameter_tip(parameter: &anisomap::pattern::Parameter, key: &str) -> String 
     )
 }
 
-fn word_row(ui: &mut Ui, name: &str, value: &str, words: &[&'static str]) -> Option<toml::Value> {
-    let now = words.iter().position(|w| *w == value).unwrap_or(0);
-    choices(
-        ui,
-        (
-            name,
-            "Which of the ways there are; undone as any other change.",
-        ),
-        words,
-        now,
-    )
-    .map(|i| toml::Value::from(words[i]))
+fn word_row(ui: &mut Ui, row: &Row, value: &str, words: &[Word]) -> Option<toml::Value> {
+    let now = words.iter().position(|w| w.word == value).unwrap_or(0);
+    let tip = format!("In the recipe: {}", row.key);
+    let told: Vec<String> = words.iter().map(|w| sentence(w.doc) + ".").collect();
+    let shown: Vec<(&str, &str)> = words
+        .iter()
+        .map(|w| w.word)
+        .zip(told.iter().map(String::as_str))
+        .collect();
+    let chosen = choices(ui, (&row.name, &tip), &shown, now);
+    chosen.map(|i| toml::Value::from(words[i].word))
 }
 
 fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
@@ -364,12 +377,26 @@ fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
             .width(140.0)
             .selected_text(now)
             .show_ui(ui, |ui| {
-                if ui.selectable_label(layer.mask.is_none(), "none").clicked() {
+                let none = ui.selectable_label(layer.mask.is_none(), "none");
+                let tip = "The layer shows everywhere.";
+                if none.on_hover_text(tip).clicked() {
                     set_mask(desk, at, None);
                     desk.studio.seal();
                 }
-                for (name, shows) in [("painted, all shown", true), ("painted, all hidden", false)] {
-                    if ui.selectable_label(false, name).clicked() {
+                for (name, shows, tip) in [
+                    (
+                        "painted, all shown",
+                        true,
+                        "The layer shows everywhere at first: the eraser hides it.",
+                    ),
+                    (
+                        "painted, all hidden",
+                        false,
+                        "The layer is hidden everywhere at first: brushes show it.",
+                    ),
+                ] {
+                    let painted = ui.selectable_label(false, name);
+                    if painted.on_hover_text(tip).clicked() {
                         let added = desk.studio.add_painted_mask(at, shows);
                         // The first stroke is to do something: what all shows, or hides, is to be taken away from.
                         let erases = desk.hand.kind() == ToolKind::Erase;
@@ -383,7 +410,12 @@ fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
                     }
                 }
                 for name in Pattern::NAMES {
-                    if ui.selectable_label(now == name, name).clicked()
+                    let tip = format!(
+                        "The layer shows where this pattern's value is large: {}.",
+                        about::pattern(name)
+                    );
+                    let by = ui.selectable_label(now == name, name);
+                    if by.on_hover_text(tip).clicked()
                         && let Ok(pattern) = default_pattern(name)
                     {
                         set_mask(desk, at, Some(Mask::new(MaskSource::Pattern(pattern))));
@@ -418,7 +450,10 @@ fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
     let Some(mask) = &layer.mask else { return };
     if let MaskSource::Strokes(_) = &mask.source {
         let mut on_mask = desk.studio.is_mask_selected();
-        let tip = "Strokes then show the layer, and the eraser hides it. View 8 shows the mask.";
+        let view = desk.keymap.keys_text(Action::View8);
+        let tip = format!(
+            "Strokes then show the layer, and the eraser hides it. The coverage view ({view}) shows the mask."
+        );
         if ui
             .checkbox(&mut on_mask, "Paint on the mask")
             .on_hover_text(tip)
@@ -441,7 +476,9 @@ fn mask(ui: &mut Ui, desk: &mut Desk, at: usize, layer: &LayerHead) {
             );
         }
     } else {
-        let bar = Bar::new("Feather", 0.0..=1.0).default(0.0);
+        let bar = Bar::new("Feather", 0.0..=1.0)
+            .default(0.0)
+            .unit("surface units");
         let feather = turn(
             ui,
             bar,
@@ -527,11 +564,15 @@ fn document_panel(ui: &mut Ui, desk: &mut Desk) {
     let now = wraps.iter().position(|w| *w == header.wrap).unwrap_or(0);
     if let Some(i) = choices(
         ui,
-        (
-            "Wrap",
-            "What lies beyond the edges of the map: the map again, again to the left and right alone, or nothing.",
-        ),
-        &["Repeats", "Repeats in u", "Ends"],
+        ("Wrap", ""),
+        &[
+            ("Repeats", "Beyond every edge the map begins again."),
+            (
+                "Repeats in u",
+                "To the left and the right the map begins again; above and below it ends.",
+            ),
+            ("Ends", "Beyond the edges there is nothing."),
+        ],
         now,
     ) {
         header.wrap = wraps[i];
@@ -561,7 +602,7 @@ fn document_panel(ui: &mut Ui, desk: &mut Desk) {
             "Turns every direction, degrees counter-clockwise.",
         ),
     ] {
-        let unit = if name == "Turn" { "\u{b0}" } else { "" };
+        let unit = if name == "Turn" { "degrees" } else { "" };
         let bar = Bar::new(name, range).default(default).unit(unit);
         let turned = turn(ui, bar, tip, shown(*value));
         if let Some(new) = turned.value {
@@ -615,7 +656,14 @@ fn size_rows(ui: &mut Ui, desk: &Desk, header: &mut Header) {
                         (u64::from(side) * u64::from(h) / u64::from(w)).clamp(1, 16384) as u32,
                     ];
                     let text = format!("{} x {}  ({})", size[0], size[1], takes(size));
-                    if ui.selectable_label(size == header.size, text).clicked() {
+                    let tip = format!(
+                        "Makes the map {} texels wide and {} high, which takes about {}.",
+                        size[0],
+                        size[1],
+                        takes(size)
+                    );
+                    let label = ui.selectable_label(size == header.size, text);
+                    if label.on_hover_text(tip).clicked() {
                         header.size = size;
                     }
                 }

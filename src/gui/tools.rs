@@ -3,7 +3,7 @@
 use super::desk::Desk;
 use super::icons::Icon;
 use super::theme::Palette;
-use super::widgets::{Bar, choices, icon_button, left_label};
+use super::widgets::{Bar, Tip, choices, icon_button, left_label};
 use anisomap::map::{ALPHA_MAX, ALPHA_MIN};
 use anisomap::paint::{Keep, Tool};
 use anisomap::studio::action::Action;
@@ -100,10 +100,11 @@ fn of_mask(ui: &mut Ui, desk: &mut Desk) {
     ui.label("Mask");
     let row = vec2(110.0, super::theme::ROW);
     let swap = desk.keymap.keys_text(Action::SwapAlphas);
-    let tip = format!(
-        "Every brush shows the layer where it paints, and the eraser hides it; {swap} changes between them, and Ctrl does the opposite while it is held.",
-    );
-    let words = ["Show", "Hide"];
+    let tip = format!("{swap} changes between them, and Ctrl does the opposite while it is held.");
+    let words = [
+        ("Show", "Brushes show the layer where they paint."),
+        ("Hide", "The eraser hides the layer where it paints."),
+    ];
     let chosen = ui.allocate_ui(row, |ui| choices(ui, ("Mask", &tip), &words, now));
     if let Some(hide) = chosen.inner {
         let erase = (hide == 1) != inverted;
@@ -121,7 +122,7 @@ fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
         (2.0 * f64::from(SCREEN_POINTS), "pt", text)
     } else {
         let text = "Breadth of the brush in surface units: 1 is the height of the map.";
-        (2.0, "", text)
+        (2.0, "surface units", text)
     };
     let mut size = f64::from(desk.hand.brush().radius) * breadth;
     let range = f64::from(RADIUS_RANGE[0]) * breadth..=f64::from(RADIUS_RANGE[1]) * breadth;
@@ -159,13 +160,12 @@ fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
 
 /// A sentence, and the actions that do the same with their keys.
 pub(crate) fn tips(desk: &Desk, text: &str, actions: &[Action]) -> String {
-    let keys = actions
-        .iter()
-        .map(|a| format!("{}: {}", a.name(), desk.keymap.keys_text(*a)));
-    std::iter::once(text.to_owned())
-        .chain(keys)
-        .collect::<Vec<_>>()
-        .join("\n")
+    let keys = actions.iter().filter_map(|a| {
+        let keys = desk.keymap.keys_text(*a);
+        (!keys.is_empty()).then(|| format!("{}: {keys}", a.name()))
+    });
+    let text = (!text.is_empty()).then(|| text.to_owned());
+    text.into_iter().chain(keys).collect::<Vec<_>>().join("\n")
 }
 
 fn part_bar(ui: &mut Ui, name: &str, width: f32, tip: String, value: &mut f32) {
@@ -187,7 +187,7 @@ fn alpha_bar(ui: &mut Ui, name: &str, tip: &str, value: &mut f32) {
     if bar.response.changed() {
         *value = number as f32;
     }
-    bar.response.on_hover_text(tip);
+    bar.response.tip(tip);
 }
 
 /// An f32 as it was written.
@@ -359,7 +359,8 @@ fn number_bar(
 ) {
     let mut number = shown(*value);
     let unit = match name {
-        "Angle" | "Lean" => "\u{b0}",
+        "Angle" | "Lean" => "degrees",
+        "Length" | "Width" | "Reach" => "surface units",
         _ => "",
     };
     let bar = Bar::new(name, range)
@@ -399,11 +400,17 @@ pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
     let on = usize::from(desk.hand.on_screen);
     if let Some(i) = choices(
         ui,
-        (
-            "Size",
-            "What a brush keeps when the view is zoomed: its size on the surface, or that on the screen.",
-        ),
-        &["On the surface", "On the screen"],
+        ("Size", ""),
+        &[
+            (
+                "On the surface",
+                "The brush keeps its size on the surface when the view is zoomed.",
+            ),
+            (
+                "On the screen",
+                "The brush keeps its size on the screen when the view is zoomed.",
+            ),
+        ],
         on,
     ) {
         desk.hand.on_screen = i == 1;
@@ -471,10 +478,21 @@ pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
         .unwrap_or(0);
     let tip = tips(
         desk,
-        "Every stroke on the other side as well.",
+        "On the mesh the mirrors go through its middle.",
         &[Action::ToggleMirror],
     );
-    let words = ["Off", "Left/right", "Up/down", "Both"];
+    let words = [
+        ("Off", "Strokes are painted once."),
+        (
+            "Left/right",
+            "Every stroke on the other side of an upright line as well.",
+        ),
+        (
+            "Up/down",
+            "Every stroke on the other side of a level line as well.",
+        ),
+        ("Both", "Every stroke in all four quarters."),
+    ];
     if let Some(i) = choices(ui, ("Mirror", &tip), &words, now) {
         desk.hand.mirror = modes[i];
     }
@@ -493,7 +511,8 @@ pub(crate) fn brush_panel(ui: &mut Ui, desk: &mut Desk) {
     bar.response.on_hover_text(tip);
     for (i, name) in ["Middle u", "Middle v"].into_iter().enumerate() {
         let mut at = shown(desk.hand.symmetry_center[i]);
-        let bar = Bar::new(name, 0.0..=1.0).default(0.5).show(ui, &mut at);
+        let bar = Bar::new(name, 0.0..=1.0).default(0.5).unit("UV units");
+        let bar = bar.show(ui, &mut at);
         if bar.response.changed() {
             desk.hand.symmetry_center[i] = at as f32;
         }

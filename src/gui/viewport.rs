@@ -2,6 +2,7 @@
 
 mod lamp;
 
+use super::about;
 use super::desk::{Desk, Panes, Redraw};
 use super::icons::Icon;
 use super::pane::{Pen, pen, pressure, put, ring, strip};
@@ -34,7 +35,11 @@ const MODEL: f32 = 122.0;
 const MODE: f32 = 118.0;
 const EXPOSURE: f32 = 108.0;
 /// How many models are shown.
-const MODES: [&str; 3] = ["One model", "Side by side", "Difference"];
+const MODES: [(&str, &str); 3] = [
+    ("One model", "One model over the whole picture."),
+    ("Side by side", "Two models side by side."),
+    ("Difference", "Where two models differ, in false colour."),
+];
 
 /// The built-in meshes, as recipes name them.
 pub(crate) const MESHES: [&str; 6] = ["torus", "pot", "sphere", "plane", "cylinder", "disc"];
@@ -110,6 +115,7 @@ impl ViewportPane {
             ui.painter().image(texture.id(), rect, uv, Color32::WHITE);
         }
         self.captions(ui, desk, rect);
+        super::timings::show(&ui.painter_at(rect), desk, rect);
         self.linked(ui, desk);
         self.lights(ui, &response, desk);
         self.select_guide(&response, desk);
@@ -121,7 +127,6 @@ impl ViewportPane {
         strip(ui, |ui| {
             let show = desk.studio.viewport().show();
             let is_pair = !matches!(show, Show::One(_));
-        super::timings::show(&ui.painter_at(rect), desk, rect);
             let room = ui.available_width();
             // Buttons, then mesh, model, mode, second model, exposure, as long as there is room for the next.
             let mut left = room - ICONS - MESH;
@@ -138,7 +143,7 @@ impl ViewportPane {
             let mut chosen = show;
             if has_model {
                 let mut first = show.looks()[0];
-                if look_choice(ui, "Model", &mut first) {
+                if look_choice(ui, desk, "Model", &mut first) {
                     chosen = with_first(show, first);
                 }
             }
@@ -147,7 +152,7 @@ impl ViewportPane {
             }
             if has_second && is_pair {
                 let mut second = self.other;
-                if look_choice(ui, "Second model", &mut second) {
+                if look_choice(ui, desk, "Second model", &mut second) {
                     self.other = second;
                     chosen = as_mode(mode_of(chosen), chosen.looks()[0], second);
                 }
@@ -177,11 +182,7 @@ impl ViewportPane {
                         if !has_model {
                             chosen = look_menu(ui, "Model", chosen, &mut self.other, true);
                         }
-                        let tip = tips(
-                            desk,
-                            "One model, two side by side, or where they differ.",
-                            &[Action::Compare, Action::Difference],
-                        );
+                        let tip = tips(desk, "", &[Action::Compare, Action::Difference]);
                         let modes = choices(ui, ("Show", &tip), &MODES, mode_of(chosen));
                         if let Some(mode) = modes {
                             chosen = as_mode(mode, chosen.looks()[0], self.other);
@@ -551,12 +552,12 @@ impl ViewportPane {
             parts = desk.told(drawn).unwrap_or_default();
             if !parts.is_empty() {
                 desk.draw_time = desk.studio.viewport().time();
+                desk.stages.take(desk.studio.timings());
             }
         } else if desk.news.picture {
             parts = vec![size.rect()];
         }
         for part in parts {
-                desk.stages.take(desk.studio.timings());
             self.upload(ui, desk, size, part);
         }
         self.refine_when_idle(ui, desk);
@@ -728,17 +729,28 @@ fn mode_choice(ui: &mut Ui, desk: &Desk, show: Show, second: Look) -> Show {
     let mut chosen = show;
     egui::ComboBox::from_id_salt("compare")
         .width(84.0)
-        .selected_text(MODES[now])
+        .selected_text(MODES[now].0)
         .show_ui(ui, |ui| {
-            for (i, mode) in MODES.iter().enumerate() {
-                if ui.selectable_label(i == now, *mode).clicked() {
+            for (i, (mode, about)) in MODES.iter().enumerate() {
+                let keys: &[Action] = match i {
+                    0 => &[],
+                    1 => &[Action::Compare],
+                    _ => &[Action::Difference],
+                };
+                let tip = tips(desk, about, keys);
+                let mode = ui.selectable_label(i == now, *mode);
+                if mode.on_hover_text(tip).clicked() {
                     chosen = as_mode(i, first, second);
                 }
             }
         })
         .response
         .accessible_name("One model, two, or their difference")
-        .on_hover_text(desk.tip(Action::Compare));
+        .on_hover_text(tips(
+            desk,
+            "One model, two side by side, or where they differ.",
+            &[Action::Compare, Action::Difference],
+        ));
     chosen
 }
 
@@ -748,7 +760,9 @@ fn look_menu(ui: &mut Ui, name: &str, show: Show, second: &mut Look, is_first: b
     let before = look;
     ui.menu_button(format!("{name}: {}", look.caption()), |ui| {
         look_list(ui, &mut look);
-    });
+    })
+    .response
+    .on_hover_text("The reflection model, with the map or with its mean lobe all over.");
     if look == before {
         show
     } else if is_first {
@@ -775,12 +789,15 @@ fn mesh_choice(ui: &mut Ui, desk: &mut Desk) {
         .selected_text(sentence(&now))
         .show_ui(ui, |ui| {
             for mesh in MESHES {
-                if ui.selectable_label(mesh == now, sentence(mesh)).clicked() {
+                let tip = format!("Shows the map on the built-in {mesh}.");
+                let label = ui.selectable_label(mesh == now, sentence(mesh));
+                if label.on_hover_text(tip).clicked() {
                     chosen = Some(mesh);
                 }
             }
             ui.separator();
-            if ui.button(Action::LoadMesh.name()).clicked() {
+            let load = ui.button(Action::LoadMesh.name());
+            if load.on_hover_text(desk.tip(Action::LoadMesh)).clicked() {
                 desk.ask(Action::LoadMesh);
             }
         })
@@ -802,15 +819,21 @@ pub(crate) fn set_mesh(desk: &mut Desk, mesh: &str) {
 }
 
 /// Chooses a model, with the map or with its mean; `true` when another was chosen.
-fn look_choice(ui: &mut Ui, name: &str, look: &mut Look) -> bool {
+fn look_choice(ui: &mut Ui, desk: &Desk, name: &str, look: &mut Look) -> bool {
     let before = *look;
+    let keys: &[Action] = match name {
+        "Model" => &[Action::NextModel],
+        _ => &[],
+    };
+    let tip =
+        "The reflection model. Without \u{201c}map\u{201d} it has the map's mean lobe all over.";
     egui::ComboBox::from_id_salt(name)
         .width(88.0)
         .selected_text(look.caption())
         .show_ui(ui, |ui| look_list(ui, look))
         .response
         .accessible_name(name)
-        .on_hover_text("The reflection model. Without \u{201c}map\u{201d} it has the map's mean lobe all over (J for the next).");
+        .on_hover_text(tips(desk, tip, keys));
     *look != before
 }
 
@@ -821,7 +844,8 @@ fn look_list(ui: &mut Ui, look: &mut Look) {
                 continue;
             }
             let one = Look { model, mean };
-            ui.selectable_value(look, one, one.caption());
+            ui.selectable_value(look, one, one.caption())
+                .on_hover_text(about::look(one));
         }
         if !mean {
             ui.separator();

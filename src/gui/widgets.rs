@@ -8,6 +8,19 @@ use eframe::egui::{
 };
 use std::ops::RangeInclusive;
 
+/// What a control tells of itself: where the pointer rests on it, and to screen readers.
+pub(crate) trait Tip {
+    /// Says what the control does, whether it can be used now or not.
+    fn tip(self, text: impl Into<String>) -> Self;
+}
+
+impl Tip for Response {
+    fn tip(self, text: impl Into<String>) -> Self {
+        let text: String = text.into();
+        self.on_hover_text(&text).on_disabled_hover_text(text)
+    }
+}
+
 /// A number in a range: a bar with its name on the left and the number on the right. Dragging sets it, with Shift finely; a
 /// click or Enter types it; the arrow keys move it.
 pub(crate) struct Bar<'a> {
@@ -41,7 +54,7 @@ impl<'a> Bar<'a> {
         }
     }
 
-    /// The unit that stands after the number.
+    /// The unit that stands after the number: in full, shorter or not at all, as there is room.
     pub(crate) fn unit(mut self, unit: &'a str) -> Self {
         self.unit = unit;
         self
@@ -124,33 +137,53 @@ impl<'a> Bar<'a> {
         tidy.clamp(low, high)
     }
 
-    fn text(&self, value: f64) -> String {
+    /// The number as it is shown and typed, without its unit.
+    fn number(&self, value: f64) -> String {
         let shown = value * self.factor;
-        let text = if self.integer || shown == 0.0 {
-            format!("{shown:.0}")
-        } else {
-            let decimals = (2.0 - shown.abs().log10().floor()).clamp(0.0, 5.0) as usize;
-            let text = format!("{shown:.decimals$}");
-            if text.contains('.') {
-                text.trim_end_matches('0').trim_end_matches('.').to_owned()
-            } else {
-                text
-            }
-        };
-        match self.unit {
-            "" => text,
-            "%" | "\u{b0}" => text + self.unit,
-            unit => format!("{text} {unit}"),
+        if self.integer || shown == 0.0 {
+            return format!("{shown:.0}");
         }
+        let decimals = (2.0 - shown.abs().log10().floor()).clamp(0.0, 5.0) as usize;
+        let text = format!("{shown:.decimals$}");
+        if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        } else {
+            text
+        }
+    }
+
+    /// The longest form of the unit that has room beside label and number, whatever the number will be.
+    fn unit_in(&self, ui: &Ui, font: &FontId, width: f32) -> &'a str {
+        let wide = |text: String| {
+            let galley = ui
+                .painter()
+                .layout_no_wrap(text, font.clone(), Color32::WHITE);
+            galley.size().x
+        };
+        let ends = [*self.range.start(), *self.range.end()].map(|end| wide(self.number(end)));
+        let number = if self.integer {
+            ends[0].max(ends[1])
+        } else {
+            ends[0].max(ends[1]).max(wide("0.123".to_owned()))
+        };
+        let room = width - MARGINS - wide(self.label.to_owned()) - number;
+        let forms = forms(self.unit);
+        let mut fitting = forms
+            .iter()
+            .filter(|form| wide(with_unit("", form)) <= room);
+        *fitting.next().unwrap_or(&forms[forms.len() - 1])
     }
 
     /// Shows it; the number changes as it is dragged.
     pub(crate) fn show(self, ui: &mut Ui, value: &mut f64) -> BarResponse {
         let width = self.width.unwrap_or_else(|| ui.available_width());
-        let (rect, mut response) =
-            ui.allocate_exact_size(vec2(width, ROW - 2.0), Sense::click_and_drag());
-        let editing = response.id.with("typed");
+        let editing = ui.next_auto_id().with("typed");
         let typed: Option<String> = ui.data(|d| d.get_temp(editing));
+        let sense = match typed {
+            Some(_) => Sense::hover(), // the field is the control now
+            None => Sense::click_and_drag(),
+        };
+        let (rect, mut response) = ui.allocate_exact_size(vec2(width, ROW - 2.0), sense);
         if let Some(text) = typed {
             let (set, finished) = self.edit(ui, rect, editing, text);
             if let Some(new) = set {
@@ -164,8 +197,7 @@ impl<'a> Bar<'a> {
         let (label, shown) = (self.label, *value * self.factor);
         response.widget_info(|| WidgetInfo::slider(true, shown, label));
         if response.clicked() || (response.has_focus() && ui.input(|i| i.key_pressed(Key::Enter))) {
-            let text = self.text(*value);
-            let number = text.trim_end_matches(self.unit).trim().to_owned();
+            let number = self.number(*value);
             ui.data_mut(|d| d.insert_temp(editing, number));
             ui.ctx().request_repaint();
         }
@@ -231,7 +263,11 @@ impl<'a> Bar<'a> {
             .id(id)
             .margin(vec2(6.0, 3.0))
             .align(Align2::RIGHT_CENTER);
-        let response = ui.put(rect, field).accessible_name(self.label);
+        let tip = match self.unit {
+            "" => "A number; Enter takes it, Escape leaves it.".to_owned(),
+            unit => format!("A number, {unit}; Enter takes it, Escape leaves it."),
+        };
+        let response = ui.put(rect, field).accessible_name(self.label).tip(tip);
         let first = !ui.data(|d| d.get_temp::<bool>(id).unwrap_or(false));
         if first {
             response.request_focus();
@@ -290,8 +326,10 @@ impl<'a> Bar<'a> {
         }
         let font = TextStyle::Body.resolve(ui.style());
         let small = FontId::new(font.size - 0.5, font.family.clone());
-        let number = painter.layout_no_wrap(self.text(value), small.clone(), palette.text);
-        let room = rect.width() - number.size().x - 20.0;
+        let unit = self.unit_in(ui, &small, rect.width());
+        let text = with_unit(&self.number(value), unit);
+        let number = painter.layout_no_wrap(text, small.clone(), palette.text);
+        let room = rect.width() - number.size().x - MARGINS;
         let mut job = egui::text::LayoutJob::simple_singleline(
             self.label.to_owned(),
             small,
@@ -320,6 +358,28 @@ impl<'a> Bar<'a> {
             });
         }
         painter.galley(at, number, palette.text);
+    }
+}
+
+/// What stands on a bar beside label, number and unit: the margins and the gap between them.
+const MARGINS: f32 = 20.0;
+
+/// A unit in full, and shorter for where there is less room, the last of them in any case.
+fn forms(unit: &str) -> Vec<&str> {
+    match unit {
+        "degrees" => vec!["\u{b0}"],
+        "surface units" => vec![unit, "units", ""],
+        "slope width" => vec![unit, "slope", ""],
+        "UV units" => vec![unit, "UV", ""],
+        "threads per surface unit" => vec![unit, "per unit", ""],
+        _ => vec![unit],
+    }
+}
+
+fn with_unit(number: &str, unit: &str) -> String {
+    match unit {
+        "" | "%" | "\u{b0}" => format!("{number}{unit}"),
+        unit => format!("{number} {unit}"),
     }
 }
 
@@ -389,20 +449,23 @@ pub(crate) fn icon_button(
     response
 }
 
-/// One of a few words in a row. Gives the index of the word that was clicked.
+/// One of a few words in a row, each with what it does; `tip` says what all of them are about. Gives the index of the word that
+/// was clicked.
 pub(crate) fn choices(
     ui: &mut Ui,
     (name, tip): (&str, &str),
-    words: &[&str],
+    words: &[(&str, &str)],
     chosen: usize,
 ) -> Option<usize> {
     let width = (ui.available_width() / words.len() as f32).floor();
     let mut clicked = None;
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 0.0;
-        for (i, word) in words.iter().enumerate() {
+        for (i, (word, does)) in words.iter().enumerate() {
             let choice = choice(ui, name, word, i == chosen, width);
-            if choice.on_hover_text(tip).clicked() {
+            let told = format!("{name}: {word}. {does}");
+            let lines = [told.trim_end(), tip].join("\n");
+            if choice.tip(lines.trim_end()).clicked() {
                 clicked = Some(i);
             }
         }
@@ -415,7 +478,6 @@ fn choice(ui: &mut Ui, name: &str, word: &str, chosen: bool, width: f32) -> Resp
     response.widget_info(|| {
         WidgetInfo::selected(Role::RadioButton, true, chosen, format!("{name} {word}"))
     });
-    let response = response.on_hover_text(format!("{name}: {word}"));
     let palette = Palette::of(ui);
     let fill = if chosen {
         palette.accent_ground
@@ -552,11 +614,25 @@ mod tests {
                 );
             }
         }
-        assert_eq!(Bar::new("x", 0.0..=1.0).text(0.35), "0.35");
-        assert_eq!(Bar::new("x", 0.0..=1.0).percent().text(0.355), "35.5%");
-        assert_eq!(
-            Bar::new("x", 1.0..=9.0).integer(true).unit("mm").text(4.0),
-            "4 mm"
-        );
+        assert_eq!(Bar::new("x", 0.0..=1.0).number(0.35), "0.35");
+        assert_eq!(Bar::new("x", 0.0..=1.0).percent().number(0.355), "35.5");
+        assert_eq!(Bar::new("x", 1.0..=9.0).integer(true).number(4.0), "4");
+    }
+
+    #[test]
+    fn a_unit_is_as_long_as_there_is_room() {
+        let mut forms = Vec::new();
+        let show = |ui: &mut Ui| {
+            let font = FontId::proportional(12.5);
+            let length = Bar::new("Length", 0.001..=10.0).unit("surface units");
+            let angle = Bar::new("Angle", -180.0..=180.0).unit("degrees");
+            let widths = [300.0, 130.0, 60.0];
+            forms = widths.map(|w| length.unit_in(ui, &font, w)).to_vec();
+            forms.push(angle.unit_in(ui, &font, 20.0));
+        };
+        drop(egui_kittest::Harness::new_ui(show));
+        assert_eq!(forms, ["surface units", "units", "", "\u{b0}"]);
+        assert_eq!(with_unit("4", "mm"), "4 mm");
+        assert_eq!(with_unit("35.5", "%"), "35.5%");
     }
 }

@@ -33,18 +33,72 @@ pub enum Setting {
         /// The word.
         value: String,
         /// All that are allowed.
-        words: &'static [&'static str],
+        words: &'static [Word],
     },
     /// Yes or no.
     Flag(bool),
 }
 
+/// A word that a pattern's key may hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Word {
+    /// As recipes write it.
+    pub word: &'static str,
+    /// What it makes, as a clause.
+    pub doc: &'static str,
+}
+
+const fn word(word: &'static str, doc: &'static str) -> Word {
+    Word { word, doc }
+}
+
 /// The words that a pattern's key may hold; empty for a key that holds none.
-fn words(pattern: &str, key: &str) -> &'static [&'static str] {
+fn words(pattern: &str, key: &str) -> &'static [Word] {
     match (pattern, key) {
-        ("radial", "style") => &["turned", "spokes", "spiral"],
-        ("pot", "style") => &["around", "along"],
-        ("weave", "style") => &["canvas", "twill", "satin"],
+        ("radial", "style") => {
+            const {
+                &[
+                    word(
+                        "turned",
+                        "circles around the centre, as a lathe leaves them",
+                    ),
+                    word("spokes", "straight lines out from the centre, a sunburst"),
+                    word(
+                        "spiral",
+                        "one groove that winds outward by the pitch a turn",
+                    ),
+                ]
+            }
+        }
+        ("pot", "style") => {
+            const {
+                &[
+                    word(
+                        "around",
+                        "grooves around the pot: the highlight is drawn over its whole height",
+                    ),
+                    word(
+                        "along",
+                        "grooves up and down: the highlight is drawn around the pot",
+                    ),
+                ]
+            }
+        }
+        ("weave", "style") => {
+            const {
+                &[
+                    word("canvas", "each thread over one, under one"),
+                    word(
+                        "twill",
+                        "over the float, under one, shifted from row to row: diagonal ribs",
+                    ),
+                    word(
+                        "satin",
+                        "over the float, under one, the crossings scattered: a smooth face of warp",
+                    ),
+                ]
+            }
+        }
         _ => &[],
     }
 }
@@ -219,7 +273,8 @@ mod tests {
                     Setting::Word { words, .. } => {
                         assert!(!words.is_empty(), "{name}.{}", row.key);
                         for word in words {
-                            with_value(&pattern, &row.key, Value::from(*word)).unwrap();
+                            with_value(&pattern, &row.key, Value::from(word.word)).unwrap();
+                            assert!(!word.doc.is_empty() && !word.doc.ends_with('.'));
                         }
                     }
                     Setting::Number { value, .. } => {

@@ -8,7 +8,7 @@ use crate::gui::icons::Icon;
 use crate::gui::layers::{list_height, menu_item};
 use crate::gui::theme::{self, Palette};
 use crate::gui::viewport::MESHES;
-use crate::gui::widgets::icon_button;
+use crate::gui::widgets::{Tip, icon_button};
 use crate::gui::{status, tools};
 use anisomap::studio::action::{Action, Group};
 use anisomap::studio::orbit;
@@ -29,15 +29,23 @@ impl App {
             .show(ui, |ui| {
                 egui::MenuBar::new().ui(ui, |ui| {
                     let mut recent = None;
-                    for (name, group) in [
-                        ("File", Group::File),
-                        ("Edit", Group::Edit),
-                        ("Layer", Group::Layer),
-                        ("View", Group::View),
-                        ("3D view", Group::Viewport),
-                        ("Window", Group::Window),
+                    for (name, group, about) in [
+                        ("File", Group::File, "Documents, maps, meshes and exports."),
+                        ("Edit", Group::Edit, "Undo, redo and the settings."),
+                        ("Layer", Group::Layer, "What is done with layers."),
+                        (
+                            "View",
+                            Group::View,
+                            "What the canvas shows of the map, and how large.",
+                        ),
+                        (
+                            "3D view",
+                            Group::Viewport,
+                            "Mesh, models, exposure and lights of the 3D view.",
+                        ),
+                        ("Window", Group::Window, "Panels, theme, size and help."),
                     ] {
-                        ui.menu_button(name, |ui| {
+                        let menu = ui.menu_button(name, |ui| {
                             ui.set_min_width(230.0);
                             for action in Action::ALL.iter().filter(|a| a.group() == group) {
                                 menu_item(ui, &mut self.desk, *action);
@@ -46,6 +54,7 @@ impl App {
                                 }
                             }
                         });
+                        menu.response.on_hover_text(about);
                     }
                     if let Some(path) = recent {
                         self.open_path(ui.ctx(), &path);
@@ -77,7 +86,7 @@ impl App {
                             let tip = self.desk.tip(action);
                             ui.add_enabled_ui(steps > 0, |ui| {
                                 let button = icon_button(ui, icon, action.name(), 22.0, false);
-                                if button.on_hover_text(tip).clicked() {
+                                if button.tip(tip).clicked() {
                                     self.desk.ask(action);
                                 }
                             });
@@ -133,7 +142,8 @@ impl App {
                 // No higher than its layers need: the room below belongs to the numbers.
                 let layers = self.desk.studio.recipe().layers.len();
                 let needed = list_height(layers).min((room - 140.0).max(120.0));
-                Panel::top(Id::unique(("layers", layers)))
+                let panel = Id::unique(("layers", layers));
+                Panel::top(panel)
                     .frame(plain)
                     .resizable(true)
                     .default_size(needed.min(room * 0.36))
@@ -143,8 +153,12 @@ impl App {
                             .auto_shrink(false)
                             .show(ui, |ui| self.layers.show(ui, &mut self.desk));
                     });
+                let tip = "Drag: the height of the list of layers.";
+                name_handle(ui, panel, "Height of the list of layers", tip);
                 self.properties.show(ui, &mut self.desk);
             });
+        let tip = "Drag: the width of the panels.";
+        name_handle(ui, "side", "Width of the panels", tip);
     }
 
     /// Canvas and 3D view, with a line between them that can be dragged.
@@ -266,20 +280,31 @@ impl App {
     }
 }
 
+/// Names the handle by which a panel is made larger, and says what it does.
+fn name_handle(ui: &Ui, panel: impl egui::AsIdSalt, name: &str, tip: &str) {
+    let id = ui.scope_id().with(panel).with("__resize"); // as the toolkit calls it
+    if let Some(handle) = ui.read_response(id) {
+        handle.accessible_name(name).on_hover_text(tip);
+    }
+}
+
 /// The files of late; gives the one that was chosen.
 fn recent_menu(ui: &mut Ui, desk: &Desk) -> Option<PathBuf> {
     let mut chosen = None;
     let recent = recent(desk);
     ui.add_enabled_ui(!recent.is_empty(), |ui| {
-        ui.menu_button("Open recent", |ui| {
+        let menu = ui.menu_button("Open recent", |ui| {
             for (path, name) in recent {
                 let button = ui.button(name);
-                if button.on_hover_text(path.display().to_string()).clicked() {
+                let tip = format!("Opens {}.", path.display());
+                if button.on_hover_text(tip).clicked() {
                     chosen = Some(path.clone());
                     ui.close();
                 }
             }
         });
+        menu.response
+            .tip("The recipes that were opened or saved last.");
     });
     chosen
 }

@@ -2,15 +2,17 @@
 
 use super::points::point_rows;
 use super::{GuideHand, is_round, lay_widths, selected_guides, set, told};
+use crate::gui::about;
 use crate::gui::canvas::extent;
 use crate::gui::desk::Desk;
 use crate::gui::icons::Icon;
 use crate::gui::properties::sentence;
 use crate::gui::theme::Palette;
-use crate::gui::tools::shown;
-use crate::gui::widgets::{Bar, caption, choices, icon_button};
+use crate::gui::tools::{shown, tips};
+use crate::gui::widgets::{Bar, Tip, caption, choices, icon_button};
 use anisomap::guide::{Guide, Guides, Mode, Shape};
 use anisomap::recipe::{Channels, Source};
+use anisomap::studio::action::Action;
 use eframe::egui::{self, Ui};
 
 /// Why the guides of the selected layer cannot be seen, where they cannot.
@@ -39,36 +41,33 @@ fn unseen(desk: &Desk) -> Option<&'static str> {
 
 const NEEDS_WIDTHS: &str = "Both widths are alike here: a direction does not show.";
 
-const HOW: &str = "A drag on the map draws a guide; with Shift held it is even (a circle, a square, a line in steps of 15\u{b0}), with Alt it grows from its middle. A click selects one; handles and outlines drag; Delete takes it away, Escape calls a drag off.";
+const HOW: &str = "A drag on the map draws a guide; with Shift held it is even (a circle, a square, a line in steps of 15\u{b0}), with Alt it grows from its middle. A click selects one; handles and outlines drag.";
 
 /// The bar of the tool: what a drag draws, how it leads, and what to know.
 pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk, hand: &mut GuideHand) {
-    let words = Shape::NAMES.map(sentence);
-    let words = words.each_ref().map(String::as_str);
+    let names = Shape::NAMES.map(sentence);
+    let words: Vec<(&str, &str)> = names
+        .iter()
+        .zip(Shape::NAMES.map(about::shape))
+        .map(|(name, about)| (name.as_str(), about))
+        .collect();
     let row = egui::vec2(310.0, crate::gui::theme::ROW);
-    ui.allocate_ui(row, |ui| {
-        if let Some(i) = choices(
-            ui,
-            ("Draw", "What a drag on the map draws."),
-            &words,
-            hand.shape,
-        ) {
-            hand.shape = i;
-        }
-    })
-    .response
-    .on_hover_text("What a drag on the map draws.");
+    let chosen = ui.allocate_ui(row, |ui| choices(ui, ("Draw", ""), &words, hand.shape));
+    if let Some(i) = chosen.inner {
+        hand.shape = i;
+    }
     let before = selected_guides(desk)
         .and_then(|(_, guides)| Some(guides.guide.get(hand.selected?)?.mode))
         .unwrap_or(hand.mode);
     let mut mode = before;
-    let word = |mode: Mode| MODES.iter().find(|(m, _)| *m == mode).map_or("", |m| m.1);
+    let word = |mode: Mode| MODES.iter().find(|m| m.0 == mode).map_or("", |m| m.1);
     egui::ComboBox::from_id_salt("guide mode")
         .width(96.0)
         .selected_text(word(mode))
         .show_ui(ui, |ui| {
-            for (one, word) in MODES {
-                ui.selectable_value(&mut mode, one, word);
+            for (one, word, leads) in MODES {
+                ui.selectable_value(&mut mode, one, word)
+                    .on_hover_text(leads);
             }
         })
         .response
@@ -98,7 +97,8 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk, hand: &mut GuideHand) {
         None => {
             let text = "Drag: draw. Click: select. Shift: even. Alt: from the middle.";
             let text = egui::RichText::new(text).color(palette.weak);
-            ui.add(egui::Label::new(text).truncate()).on_hover_text(HOW);
+            let how = tips(desk, HOW, &[Action::DeleteLayer, Action::Cancel]);
+            ui.add(egui::Label::new(text).truncate()).on_hover_text(how);
         }
     }
 }
@@ -156,11 +156,28 @@ fn first_shape(name: &str) -> Shape {
     }
 }
 
-const MODES: [(Mode, &str); 4] = [
-    (Mode::Concentric, "Concentric"),
-    (Mode::Radial, "Radial"),
-    (Mode::Constant, "Constant"),
-    (Mode::Smooth, "Smooth"),
+/// Each with its word and how it leads.
+const MODES: [(Mode, &str, &str); 4] = [
+    (
+        Mode::Concentric,
+        "Concentric",
+        "Along the outline, and along the lines that follow it inward and outward.",
+    ),
+    (
+        Mode::Radial,
+        "Radial",
+        "Across the outline, and across the lines that follow it.",
+    ),
+    (
+        Mode::Constant,
+        "Constant",
+        "One direction, its angle, which turns with the guide.",
+    ),
+    (
+        Mode::Smooth,
+        "Smooth",
+        "No direction of its own: lets go what guides before it lay, and the field closes smoothly.",
+    ),
 ];
 
 /// The panel of a layer of guides.
@@ -197,7 +214,7 @@ pub(crate) fn panel(
         finished = true;
     }
     let before = now.guide.len();
-    finished |= list(ui, hand, &mut now);
+    finished |= list(ui, desk, hand, &mut now);
     if now.guide.len() < before {
         "Delete guide".clone_into(&mut what);
     }
@@ -226,14 +243,16 @@ pub(crate) fn panel(
     }
 }
 
-fn list(ui: &mut Ui, hand: &mut GuideHand, guides: &mut Guides) -> bool {
+fn list(ui: &mut Ui, desk: &Desk, hand: &mut GuideHand, guides: &mut Guides) -> bool {
     let mut removed = None;
+    let selects =
+        "Selects the guide, to be changed by its handles on the map or by the numbers below.";
     for (i, guide) in guides.guide.iter().enumerate() {
         ui.horizontal(|ui| {
             let text = format!("{}  {}", i + 1, guide.shape.name());
             if ui
                 .selectable_label(hand.selected == Some(i), text)
-                .on_hover_text("Selects the guide; Delete takes it away.")
+                .on_hover_text(selects)
                 .clicked()
             {
                 hand.select(i);
@@ -246,7 +265,9 @@ fn list(ui: &mut Ui, hand: &mut GuideHand, guides: &mut Guides) -> bool {
                     22.0,
                     false,
                 );
-                if bin.on_hover_text("Takes the guide away.").clicked() {
+                let tip = "Takes this guide away. With the guide tool in the hand the key takes the selected one away.";
+                let tip = tips(desk, tip, &[Action::DeleteLayer]);
+                if bin.on_hover_text(tip).clicked() {
                     removed = Some(i);
                 }
             });
@@ -279,17 +300,11 @@ pub(super) fn row(
 fn guide_rows(ui: &mut Ui, guide: &mut Guide) -> bool {
     let mut finished = false;
     caption(ui, "Leads the direction");
-    let at = MODES
-        .iter()
-        .position(|(m, _)| *m == guide.mode)
-        .unwrap_or(0);
+    let at = MODES.iter().position(|m| m.0 == guide.mode).unwrap_or(0);
     if let Some(i) = choices(
         ui,
-        (
-            "Mode",
-            "How the guide leads: along it in rings, away from it, one way everywhere, or between the others as smoothly as can be.",
-        ),
-        &MODES.map(|(_, word)| word),
+        ("Mode", ""),
+        &MODES.map(|(_, word, leads)| (word, leads)),
         at,
     ) {
         *guide = with_mode(guide, MODES[i].0);
@@ -317,7 +332,7 @@ fn guide_rows(ui: &mut Ui, guide: &mut Guide) -> bool {
         ui,
         "Falloff",
         0.0..=1.0,
-        "",
+        "surface units",
         "How far outside its shape its hold ends, surface units.",
         &mut guide.falloff,
     );
@@ -328,7 +343,7 @@ fn guide_rows(ui: &mut Ui, guide: &mut Guide) -> bool {
             ui,
             name,
             -1.0..=2.0,
-            "",
+            "UV units",
             "Where it stands, UV units.",
             &mut center[i],
         );
@@ -357,27 +372,30 @@ fn guide_rows(ui: &mut Ui, guide: &mut Guide) -> bool {
 
 fn shape_rows(ui: &mut Ui, shape: &mut Shape) -> bool {
     let mut finished = false;
-    let size = "Surface units: 1 is the height of the map.";
+    let (unit, size) = (
+        "surface units",
+        "Surface units: 1 is the height of the map.",
+    );
     match shape {
         Shape::Ellipse { radii } => {
-            finished |= row(ui, "Radius x", 0.001..=2.0, "", size, &mut radii[0]);
-            finished |= row(ui, "Radius y", 0.001..=2.0, "", size, &mut radii[1]);
+            finished |= row(ui, "Radius x", 0.001..=2.0, unit, size, &mut radii[0]);
+            finished |= row(ui, "Radius y", 0.001..=2.0, unit, size, &mut radii[1]);
         }
         Shape::Rectangle {
             size: sides,
             corner,
         } => {
-            finished |= row(ui, "Width", 0.001..=4.0, "", size, &mut sides[0]);
-            finished |= row(ui, "Height", 0.001..=4.0, "", size, &mut sides[1]);
-            finished |= row(ui, "Corner", 0.0..=1.0, "", size, corner);
+            finished |= row(ui, "Width", 0.001..=4.0, unit, size, &mut sides[0]);
+            finished |= row(ui, "Height", 0.001..=4.0, unit, size, &mut sides[1]);
+            finished |= row(ui, "Corner", 0.0..=1.0, unit, size, corner);
         }
         Shape::Spiral { radius, pitch } => {
-            finished |= row(ui, "Radius", 0.001..=2.0, "", size, radius);
+            finished |= row(ui, "Radius", 0.001..=2.0, unit, size, radius);
             finished |= row(
                 ui,
                 "Pitch",
                 -0.5..=0.5,
-                "",
+                unit,
                 "Outward step of one turn; below 0 it winds the other way.",
                 pitch,
             );
@@ -410,7 +428,7 @@ fn closed_row(ui: &mut Ui, closed: &mut bool, possible: bool) -> bool {
     let enabled = possible || *closed;
     let tip = "Whether the end joins the beginning; what lies inside then belongs to the guide.";
     ui.add_enabled(enabled, egui::Checkbox::new(closed, "Closed"))
-        .on_hover_text(tip)
+        .tip(tip)
         .changed()
 }
 
@@ -437,7 +455,7 @@ fn layer_rows(ui: &mut Ui, guides: &mut Guides, unseen: Option<&str>) -> bool {
             ui,
             "alpha along",
             0.001..=1.5,
-            "",
+            "slope width",
             "Slope width along the lines.",
             along,
         );
@@ -445,7 +463,7 @@ fn layer_rows(ui: &mut Ui, guides: &mut Guides, unseen: Option<&str>) -> bool {
             ui,
             "alpha across",
             0.001..=1.5,
-            "",
+            "slope width",
             "Slope width across the lines.",
             across,
         );

@@ -8,6 +8,7 @@ mod renderer;
 mod shortcuts;
 mod sources;
 mod steer;
+mod tips;
 
 use super::app::App;
 use super::canvas::Kind;
