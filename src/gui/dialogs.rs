@@ -158,6 +158,9 @@ impl Dialog {
     }
 }
 
+/// Around what a dialog shows, points.
+const MARGIN: f32 = 18.0;
+
 /// Shows the dialog that is open, if one is; gives what it asks for.
 pub(crate) fn show(ctx: &Context, open: &mut Option<Dialog>, desk: &mut Desk) -> Option<Wish> {
     let mut dialog = open.take()?;
@@ -167,15 +170,34 @@ pub(crate) fn show(ctx: &Context, open: &mut Option<Dialog>, desk: &mut Desk) ->
         .stroke(visuals.window_stroke)
         .corner_radius(visuals.window_corner_radius)
         .shadow(visuals.window_shadow)
-        .inner_margin(18);
-    let modal = Modal::new(Id::unique(dialog.id())).frame(frame);
+        .inner_margin(MARGIN);
+    let id = Id::unique(dialog.id());
+    let modal = Modal::new(id).frame(frame);
+    // Escape closes a list that is open in the dialog, and the dialog only when none is.
+    let has_list = egui::Popup::is_any_open(ctx);
+    // What a small window, or one with large text, has no room for is scrolled to.
+    let room = ctx.content_rect().size() - egui::Vec2::splat(2.0 * MARGIN + 16.0);
+    let wanted: egui::Vec2 = ctx.data(|d| d.get_temp(id)).unwrap_or_default();
+    let scrolls = [wanted.x > room.x, wanted.y > room.y];
     let shown = modal.show(ctx, |ui| {
         ui.spacing_mut().item_spacing.y = 6.0;
-        contents(ui, &mut dialog, desk)
+        let (answer, size) = if scrolls.contains(&true) {
+            let area = egui::ScrollArea::new(scrolls)
+                .id_salt("dialog") // its own: a list inside would scroll with it otherwise
+                .max_width(room.x)
+                .max_height(room.y)
+                .show(ui, |ui| contents(ui, &mut dialog, desk));
+            (area.inner, area.content_size)
+        } else {
+            let whole = ui.scope(|ui| contents(ui, &mut dialog, desk));
+            (whole.inner, whole.response.rect.size())
+        };
+        ui.ctx().data_mut(|d| d.insert_temp(id, size));
+        answer
     });
     let (next, mut wish) = shown.inner;
     let closed = (shown.backdrop_response.clicked() && dialog.may_click_away())
-        || (shown.is_top_modal && ctx.input(|i| i.key_pressed(egui::Key::Escape)));
+        || (shown.is_top_modal && !has_list && ctx.input(|i| i.key_pressed(egui::Key::Escape)));
     *open = match next {
         Next::Stay if closed && matches!(dialog, Dialog::ExportFolder(..)) => {
             Some(back_to_export(dialog))

@@ -17,7 +17,7 @@ use eframe::egui::{
 
 /// Width and height of a picture, pixels.
 const PICTURE: [u32; 2] = [176, 132];
-/// Pictures beside each other.
+/// The most pictures beside each other.
 const COLUMNS: usize = 4;
 
 type Drawn = (usize, Result<Vec<u8>, Error>);
@@ -56,7 +56,9 @@ impl PresetBrowser {
 
     pub(crate) fn show(&mut self, ui: &mut Ui) -> Wish {
         self.follow(ui);
-        ui.set_width((PICTURE[0] as f32 + 12.0) * COLUMNS as f32 + 10.0);
+        let (screen, column) = (ui.ctx().content_rect().size(), PICTURE[0] as f32 + 12.0);
+        let columns = (((screen.x - 70.0) / column) as usize).clamp(1, COLUMNS);
+        ui.set_width(column * columns as f32 + 10.0);
         ui.heading("Presets");
         let mut entered = false;
         ui.horizontal(|ui| {
@@ -83,7 +85,7 @@ impl PresetBrowser {
             self.chosen = Some(*first);
             self.to_open = true;
         }
-        let room = (ui.ctx().content_rect().height() - 300.0).clamp(160.0, 900.0);
+        let room = (screen.y - 300.0).clamp(160.0, 900.0);
         egui::ScrollArea::vertical()
             .max_height(room)
             .min_scrolled_height(room)
@@ -103,7 +105,7 @@ impl PresetBrowser {
                             if card.double_clicked() {
                                 wish = Wish::Open(&PRESETS[*i]);
                             }
-                            if (n + 1) % COLUMNS == 0 {
+                            if (n + 1) % columns == 0 {
                                 ui.end_row();
                             }
                         }
@@ -117,7 +119,7 @@ impl PresetBrowser {
         let about = chosen.map_or("Choose one to read what it is.", Preset::description);
         ui.add(egui::Label::new(egui::RichText::new(about).color(Palette::of(ui).weak)).wrap());
         ui.add_space(6.0);
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             for (text, tip, make) in [
                 (
                     "Open as a new document",

@@ -4,14 +4,16 @@ use super::desk::Desk;
 use super::properties::bytes_text;
 use super::theme::Palette;
 use anisomap::studio::view::Probe;
-use eframe::egui::{self, Color32, RichText, Sense, Shape, Stroke, Ui, vec2};
+use eframe::egui::{self, Color32, FontId, RichText, Sense, Shape, Stroke, Ui, vec2};
+
+const FONT: FontId = FontId::monospace(11.5);
+const POINT: &str = "point at the map to read a texel";
 
 pub(crate) fn show(ui: &mut Ui, desk: &Desk, zoom: f64, probe: Option<&Probe>) {
     let palette = Palette::of(ui);
     ui.spacing_mut().item_spacing.x = 14.0;
     let text = |ui: &mut Ui, text: String, colour: Color32, tip: &str| {
-        let font = egui::FontId::monospace(11.5);
-        ui.label(RichText::new(text).font(font).color(colour))
+        ui.label(RichText::new(text).font(FONT).color(colour))
             .on_hover_text(tip);
     };
     let (size, shown) = (desk.studio.recipe().size, desk.studio.map().size());
@@ -65,38 +67,113 @@ pub(crate) fn show(ui: &mut Ui, desk: &Desk, zoom: f64, probe: Option<&Probe>) {
             lobe(ui, &p.ellipse, palette.accent);
         }
         None => {
-            text(
-                ui,
-                "point at the map to read a texel".to_owned(),
-                palette.weak.gamma_multiply(0.7),
-                "Shows the texel under the pointer.",
-            );
+            // Where work that goes on needs the room, it has it.
+            let room = ui.available_width() - wide(ui, POINT);
+            let needed = of_picture(ui, desk, f32::INFINITY);
+            let needed: f32 = needed.iter().map(|s| wide(ui, &s.text)).sum();
+            if desk.working.is_none() && needed <= room {
+                let tip = "Shows the texel under the pointer.";
+                let colour = palette.weak.gamma_multiply(0.7);
+                text(ui, POINT.to_owned(), colour, tip);
+            }
         }
     }
+    let of_picture = of_picture(ui, desk, ui.available_width());
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-        text(ui, bytes_text(desk.studio.bytes() as u64), palette.weak, "Memory of the map, its caches and the history.");
-        let viewport = desk.studio.viewport();
-        let size = viewport.size();
-        text(ui, format!("{} x {}", size.width(), size.height()), palette.weak, "Size of the 3D picture in pixels.");
-        if let Some(time) = desk.draw_time {
-            text(ui, format!("{:>5.1} ms", time.as_secs_f64() * 1e3), palette.weak, "How long the last drawing of the 3D picture took that somebody waited for.");
-        }
-        let quality = viewport.quality();
-        let samples = match quality.samples {
-            0 => "moving".to_owned(),
-            _ if quality.is_reference => "reference".to_owned(),
-            n => format!("{n}x{n} samples"),
-        };
-        let next = quality.next.map_or(String::new(), |part| format!(", next {:>2.0}%", part * 100.0));
-        text(ui, samples + &next, palette.weak, "How good the 3D picture is; it gets better while nothing changes, up to the f64 reference.");
-        if let Some(reading) = &desk.reading {
-            text(ui, reading.clone(), palette.accent, "A file is read and checked in the background; you can go on.");
+        for said in of_picture {
+            text(ui, said.text, said.colour, said.tip);
         }
         if let Some(part) = desk.working {
-            ui.add(egui::ProgressBar::new(part).desired_width(90.0).desired_height(8.0));
-            text(ui, "making the map".to_owned(), palette.accent, "The map is worked out in the background; you can go on.");
+            let bar = egui::ProgressBar::new(part);
+            ui.add(bar.desired_width(WORKING).desired_height(8.0));
+            let tip = "The map is worked out in the background; you can go on.";
+            text(ui, MAKING.to_owned(), palette.accent, tip);
         }
     });
+}
+
+/// The width of the bar that says how far the map is, and what stands beside it.
+const WORKING: f32 = 90.0;
+const MAKING: &str = "making the map";
+
+/// Something that the line says.
+struct Said {
+    text: String,
+    colour: Color32,
+    tip: &'static str,
+    /// What has the least weight goes first where there is no room for all.
+    weight: u8,
+}
+
+fn wide(ui: &Ui, text: &str) -> f32 {
+    let galley = ui
+        .painter()
+        .layout_no_wrap(text.to_owned(), FONT, Color32::WHITE);
+    galley.size().x + ui.spacing().item_spacing.x
+}
+
+/// What is said of the 3D picture and of work that goes on, from the right, as far as it fits into `room`.
+fn of_picture(ui: &Ui, desk: &Desk, room: f32) -> Vec<Said> {
+    let palette = Palette::of(ui);
+    let viewport = desk.studio.viewport();
+    let (size, quality) = (viewport.size(), viewport.quality());
+    let samples = match quality.samples {
+        0 => "moving".to_owned(),
+        _ if quality.is_reference => "reference".to_owned(),
+        n => format!("{n}x{n} samples"),
+    };
+    let next = quality.next.map_or(String::new(), |part| {
+        format!(", next {:>2.0}%", part * 100.0)
+    });
+    let weak = |text: String, tip: &'static str, weight: u8| Said {
+        text,
+        colour: palette.weak,
+        tip,
+        weight,
+    };
+    let mut all = vec![
+        weak(
+            bytes_text(desk.studio.bytes() as u64),
+            "Memory of the map, its caches and the history.",
+            2,
+        ),
+        weak(
+            format!("{} x {}", size.width(), size.height()),
+            "Size of the 3D picture in pixels.",
+            0,
+        ),
+    ];
+    if let Some(time) = desk.draw_time {
+        all.push(weak(
+            format!("{:>5.1} ms", time.as_secs_f64() * 1e3),
+            "How long the last drawing of the 3D picture took that somebody waited for.",
+            1,
+        ));
+    }
+    all.push(weak(
+        samples + &next,
+        "How good the 3D picture is; it gets better while nothing changes, up to the f64 reference.",
+        3,
+    ));
+    if let Some(reading) = &desk.reading {
+        all.push(Said {
+            text: reading.clone(),
+            colour: palette.accent,
+            tip: "A file is read and checked in the background; you can go on.",
+            weight: 4,
+        });
+    }
+    let working = match desk.working {
+        Some(_) => WORKING + wide(ui, MAKING) + ui.spacing().item_spacing.x,
+        None => 0.0,
+    };
+    let width = |all: &[Said]| working + all.iter().map(|s| wide(ui, &s.text)).sum::<f32>();
+    while width(&all) > room
+        && let Some(least) = all.iter().map(|s| s.weight).min()
+    {
+        all.retain(|s| s.weight != least);
+    }
+    all
 }
 
 /// The lobe of a texel: an ellipse, wide where the surface is rough.

@@ -186,7 +186,12 @@ fn colours(mut v: Visuals, palette: &Palette, panel: Color32, control: Color32) 
         (
             &mut v.widgets.inactive,
             control,
-            Color32::TRANSPARENT,
+            // On light panels an empty box would not be seen without.
+            if v.dark_mode {
+                Color32::TRANSPARENT
+            } else {
+                palette.line
+            },
             palette.text,
         ),
         (

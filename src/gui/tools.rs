@@ -75,6 +75,7 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
         return;
     }
     let on_mask = desk.studio.is_mask_selected();
+    fit_bars(ui, &desk.hand.brush().tool, kind, on_mask);
     if on_mask {
         of_mask(ui, desk);
     }
@@ -88,6 +89,43 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
         symmetry(ui, desk);
     });
+}
+
+/// Widths of bars where there is room for them, points.
+const SIZE: f32 = 126.0;
+const HARDNESS: f32 = 118.0;
+const FLOW: f32 = 96.0;
+const ALPHA: f32 = 124.0;
+const NUMBER: f32 = 116.0;
+
+/// Makes the bars of this row narrower where they would not fit into the window: [`fitted`] gives their widths.
+fn fit_bars(ui: &mut Ui, tool: &Tool, kind: ToolKind, on_mask: bool) {
+    // Bars, and how broad what stands between them is.
+    let (bars, others): (&[f32], f32) = match tool {
+        _ if on_mask => (&[], 150.0),
+        Tool::Groove(_) => (&[ALPHA; 2], 22.0),
+        Tool::Scratch(_) => (&[ALPHA, ALPHA, NUMBER, NUMBER, NUMBER, NUMBER], 22.0),
+        Tool::SetAlpha(_) => (&[ALPHA; 2], 80.0),
+        Tool::Fill(_) => (&[ALPHA, ALPHA, NUMBER], 116.0),
+        Tool::SetDirection(_) | Tool::Smooth(_) => (&[NUMBER], 0.0),
+        Tool::Roughen(_) => (&[NUMBER], 140.0),
+        Tool::Comb | Tool::Erase => (&[], 0.0),
+    };
+    let of_brush: &[f32] = match kind {
+        ToolKind::Fill => &[],
+        _ => &[SIZE, HARDNESS, FLOW],
+    };
+    let wanted: f32 = bars.iter().chain(of_brush).sum();
+    let gap = ui.spacing().item_spacing.x;
+    let gaps = gap * (bars.len() + of_brush.len() + 5) as f32;
+    let symmetry = 3.0 * 26.0;
+    let room = ui.available_width() - others - gaps - symmetry;
+    ui.spacing_mut().slider_width = (room / wanted.max(1.0)).clamp(0.3, 1.0);
+}
+
+/// The width of a bar in the row above the pictures.
+fn fitted(ui: &Ui, width: f32) -> f32 {
+    (width * ui.spacing().slider_width).floor()
 }
 
 /// What a stroke on a mask does: of the brush its size, hardness and flow alone count there.
@@ -132,7 +170,7 @@ fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
         &text,
         &[Action::SizeDown, Action::SizeUp, Action::DragSize],
     );
-    let bar = Bar::new("Size", range).unit(unit).width(126.0);
+    let bar = Bar::new("Size", range).unit(unit).width(fitted(ui, SIZE));
     let bar = bar.show(ui, &mut size);
     if bar.response.changed() {
         desk.hand.set_radius((size / breadth) as f32);
@@ -146,7 +184,7 @@ fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
     part_bar(
         ui,
         "Hardness",
-        118.0,
+        HARDNESS,
         tip,
         &mut desk.hand.brush_mut().hardness,
     );
@@ -155,7 +193,7 @@ fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
         "How much of its work one stroke does.",
         &[Action::FlowDown, Action::FlowUp, Action::DragFlow],
     );
-    part_bar(ui, "Flow", 96.0, tip, &mut desk.hand.brush_mut().flow);
+    part_bar(ui, "Flow", FLOW, tip, &mut desk.hand.brush_mut().flow);
 }
 
 /// A sentence, and the actions that do the same with their keys.
@@ -172,7 +210,7 @@ fn part_bar(ui: &mut Ui, name: &str, width: f32, tip: String, value: &mut f32) {
     let mut number = f64::from(*value);
     let bar = Bar::new(name, 0.0..=1.0)
         .percent()
-        .width(width)
+        .width(fitted(ui, width))
         .show(ui, &mut number);
     if bar.response.changed() {
         *value = number as f32;
@@ -183,7 +221,10 @@ fn part_bar(ui: &mut Ui, name: &str, width: f32, tip: String, value: &mut f32) {
 fn alpha_bar(ui: &mut Ui, name: &str, tip: &str, value: &mut f32) {
     let mut number = shown(*value);
     let range = f64::from(ALPHA_MIN)..=f64::from(ALPHA_MAX);
-    let bar = Bar::new(name, range).width(124.0).show(ui, &mut number);
+    let bar = Bar::new(name, range)
+        .unit("slope width")
+        .width(fitted(ui, ALPHA))
+        .show(ui, &mut number);
     if bar.response.changed() {
         *value = number as f32;
     }
@@ -365,7 +406,7 @@ fn number_bar(
     };
     let bar = Bar::new(name, range)
         .unit(unit)
-        .width(116.0)
+        .width(fitted(ui, NUMBER))
         .show(ui, &mut number);
     if bar.response.changed() {
         *value = number as f32;

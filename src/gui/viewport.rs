@@ -664,7 +664,7 @@ pub(crate) fn held(ui: &Ui, response: &Response, desk: &Desk) -> Option<Drag> {
 
 /// The colours of a difference with their numbers, its lower left corner at a place.
 fn difference_legend(painter: &egui::Painter, corner: Pos2, measure: Measure, scale: f32) {
-    let (width, high) = (220.0, 12.0);
+    let (width, high) = ((painter.clip_rect().width() - 60.0).min(220.0), 12.0);
     let ground = Rect::from_min_max(corner - vec2(0.0, 58.0), corner + vec2(width + 32.0, 0.0));
     let dark = Color32::from_rgba_unmultiplied(12, 13, 15, 200);
     painter.rect_filled(ground, CornerRadius::same(5), dark);
@@ -672,7 +672,10 @@ fn difference_legend(painter: &egui::Painter, corner: Pos2, measure: Measure, sc
         Color32::from_rgb(0xe8, 0xe9, 0xea),
         egui::FontId::proportional(11.0),
     );
-    let title = format!("\u{394}E (CIE 1976) up to {scale}: 1 can just be seen");
+    let title = match width < 190.0 {
+        true => format!("\u{394}E up to {scale}"),
+        false => format!("\u{394}E (CIE 1976) up to {scale}: 1 can just be seen"),
+    };
     let at = ground.left_top() + vec2(10.0, 5.0);
     painter.text(at, Align2::LEFT_TOP, title, font.clone(), ink);
     let bar = Rect::from_min_size(ground.left_top() + vec2(16.0, 24.0), vec2(width, high));

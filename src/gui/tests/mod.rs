@@ -1,6 +1,7 @@
 //! The window, driven as a user drives it, without a display.
 
 mod bad_input;
+mod fits;
 mod guides;
 mod names;
 mod pen;

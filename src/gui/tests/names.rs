@@ -151,3 +151,22 @@ fn the_split_is_moved_with_arrow_keys() {
     }
     assert!((window.state().desk.split - before).abs() < 1e-4);
 }
+
+#[test]
+fn escape_closes_an_open_list_before_the_dialog_that_it_is_in() {
+    let (mut window, _folder) = window();
+    press(&mut window, "Ctrl+Shift+E");
+    window.run_steps(3);
+    let list = "Size of the files in texels";
+    window
+        .get_by_role_and_label(Role::ComboBox, list)
+        .click_accesskit();
+    window.run_steps(3);
+    let is_open = |w: &Window| w.query_by_label_contains("512x512").is_some();
+    assert!(is_open(&window));
+    press(&mut window, "Escape");
+    window.run_steps(2);
+    assert!(!is_open(&window) && window.state().dialog.is_some());
+    press(&mut window, "Escape");
+    assert!(window.state().dialog.is_none());
+}
