@@ -547,6 +547,8 @@ pub(super) fn fetch(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize) {
 pub(crate) fn texels_seen(pyramid: &Pyramid<'_>, uvs: &[Vec2], widening: bool) -> Vec<Texel> {
     let mut chunk = Chunk::new();
     chunk.usable = [1.0; CHUNK];
+    chunk.view[2] = [1.0; CHUNK];
+    chunk.light[2] = [1.0; CHUNK];
     let mut seen = Vec::new();
     for uvs in uvs.chunks(CHUNK) {
         let n = uvs.len();
@@ -554,7 +556,12 @@ pub(crate) fn texels_seen(pyramid: &Pyramid<'_>, uvs: &[Vec2], widening: bool) -
             [chunk.uv[0][i], chunk.uv[1][i]] = uv.to_array();
         }
         fetch(pyramid, &mut chunk, n);
-        dispatch!(math::level(), simd => lobes(simd, &mut chunk, n, widening));
+        if widening {
+            dispatch!(math::level(), simd => settle(simd, &mut chunk, n));
+            dispatch!(math::level(), simd => widened_lobes(simd, &mut chunk, n));
+        } else {
+            dispatch!(math::level(), simd => lobes(simd, &mut chunk, n));
+        }
         seen.extend((0..n).map(|i| {
             let [c, s, rx, ry] = four(&chunk.lobe, i);
             Texel {
