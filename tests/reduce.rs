@@ -1162,11 +1162,17 @@ fn a_stored_layer_that_is_damaged_is_told() {
         desk.write("out/changed.toml", &changed);
     };
     for (from, to, words) in [
-        ("[layers.stored.x]", "[layers.stored.z]", ["`z`", "`x`"]),
         (
             "[layers.stored.x]",
-            "[layers.stored.x]\nlow = -1.0 #",
-            ["layers.0.stored.x.low", "0 to 2"],
+            "[layers.stored.z]",
+            ["`z`", "angle, x, y"],
+        ),
+        ("encoding = \"log\"", "encoding = \"lgo\"", ["lgo", "log"]),
+        ("low = ", "low = -1.0 #", ["layers.0.stored.low", "0 to 2"]),
+        (
+            "alpha_x.png\"\nencoding = \"log\"\nlow = ",
+            "alpha_x.png\"\nencoding = \"log\"\nlow = 1.4 #",
+            ["layers.0.stored.x.low", "less than"],
         ),
         ("\nfile = ", "\nfiel = ", ["fiel", "file"]),
         (

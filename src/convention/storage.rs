@@ -944,7 +944,8 @@ mod tests {
     #[test]
     fn planes_alone_come_back_as_those_of_a_whole_map() {
         let map = sweep(0.004, 1.2);
-        for storage in every() {
+        // Floats alone are copied, and not read back.
+        for storage in every().into_iter().filter(|s| *s != Storage::FULL) {
             let whole = storage.quantise(&map);
             let n = map.size().texels();
             let (mut widths, mut cos2, mut sin2) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
