@@ -60,7 +60,10 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
     let kind = desk.hand.kind();
     let (rect, _) = ui.allocate_exact_size(vec2(22.0, 22.0), egui::Sense::hover());
     icon(kind).paint(ui.painter(), rect, Palette::of(ui).accent);
-    left_label(ui, 84.0, egui::RichText::new(kind.name()).strong());
+    let on_mask = desk.studio.is_mask_selected();
+    if !kind.paints() || fit_bars(ui, &desk.hand.brush().tool, kind, on_mask) {
+        left_label(ui, NAME, egui::RichText::new(kind.name()).strong());
+    }
     if kind == ToolKind::Guide {
         let mut guides = std::mem::take(&mut desk.guides);
         super::guides::bar(ui, desk, &mut guides);
@@ -74,8 +77,6 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
         ui.add(egui::Label::new(text).truncate());
         return;
     }
-    let on_mask = desk.studio.is_mask_selected();
-    fit_bars(ui, &desk.hand.brush().tool, kind, on_mask);
     if on_mask {
         of_mask(ui, desk);
     }
@@ -97,9 +98,12 @@ const HARDNESS: f32 = 118.0;
 const FLOW: f32 = 96.0;
 const ALPHA: f32 = 124.0;
 const NUMBER: f32 = 116.0;
+/// Width of the tool's name before them.
+const NAME: f32 = 84.0;
 
-/// Makes the bars of this row narrower where they would not fit into the window: [`fitted`] gives their widths.
-fn fit_bars(ui: &mut Ui, tool: &Tool, kind: ToolKind, on_mask: bool) {
+/// Makes the bars of this row narrower where they would not fit into the window: [`fitted`] gives their widths. Gives whether the
+/// tool's name has room, too.
+fn fit_bars(ui: &mut Ui, tool: &Tool, kind: ToolKind, on_mask: bool) -> bool {
     // Bars, and how broad what stands between them is.
     let (bars, others): (&[f32], f32) = match tool {
         _ if on_mask => (&[], 150.0),
@@ -120,7 +124,12 @@ fn fit_bars(ui: &mut Ui, tool: &Tool, kind: ToolKind, on_mask: bool) {
     let gaps = gap * (bars.len() + of_brush.len() + 5) as f32;
     let symmetry = 3.0 * 26.0;
     let room = ui.available_width() - others - gaps - symmetry;
-    ui.spacing_mut().slider_width = (room / wanted.max(1.0)).clamp(0.3, 1.0);
+    let has_name = room - NAME >= wanted;
+    ui.spacing_mut().slider_width = match has_name {
+        true => 1.0,
+        false => (room / wanted.max(1.0)).clamp(0.3, 1.0),
+    };
+    has_name
 }
 
 /// The width of a bar in the row above the pictures.

@@ -171,7 +171,7 @@ impl<'a> Bar<'a> {
         let mut fitting = forms
             .iter()
             .filter(|form| wide(with_unit("", form)) <= room);
-        fitting.next().unwrap_or(&forms[forms.len() - 1])
+        fitting.next().copied().unwrap_or(forms[forms.len() - 1])
     }
 
     /// Shows it; the number changes as it is dragged.
