@@ -28,12 +28,12 @@ pub(crate) struct Step {
     pub(crate) alt: bool,
 }
 
-/// What such a control is called, how it stands, and which keys it takes, in words.
+/// What such a control is called, how it stands, and what it does by which keys, in words.
 pub(crate) struct Steered<'a> {
     pub(crate) role: Role,
     pub(crate) name: &'a str,
     pub(crate) state: String,
-    pub(crate) keys: &'a str,
+    pub(crate) tip: &'a str,
 }
 
 impl Steered<'_> {
@@ -43,14 +43,14 @@ impl Steered<'_> {
             role,
             name,
             state,
-            keys,
+            tip,
         } = self;
         response.widget_info(|| WidgetInfo {
             current_text_value: Some(state.clone()),
             ..WidgetInfo::labeled(role, true, name)
         });
         ui.ctx().accesskit_node_builder(response.id, |node| {
-            node.set_description(keys);
+            node.set_description(tip);
             if role == Role::Slider {
                 node.add_action(Request::Increment);
                 node.add_action(Request::Decrement);

@@ -5,6 +5,7 @@ use crate::gui::desk::Desk;
 use crate::gui::steer::{
     BALL, Steered, ball_centre, ball_rect, focus_frame, focus_text, light_text, on_ball, paint_ball,
 };
+use anisomap::studio::action::Action;
 use anisomap::studio::view::Camera2d;
 use eframe::egui::{self, Event, Painter, PointerButton, Pos2, Response, Role, Sense, Ui};
 use glam::{DVec2, Vec2, Vec3};
@@ -29,11 +30,13 @@ impl CanvasPane {
     ) {
         let id = response.id.with("light");
         let ball = ui.interact(ball_rect(self.rect), id, Sense::focusable_noninteractive());
+        let goes = desk.tip(Action::FocusControls);
+        let tip = format!("The light of the map: drag it. With the focus {LIGHT_KEYS}.\n{goes}");
         let steered = Steered {
             role: Role::Slider,
             name: "Light of the map",
             state: light_text(self.light),
-            keys: LIGHT_KEYS,
+            tip: &tip,
         };
         for step in steered.steps(ui, &ball, desk) {
             let by = step.by * LIGHT_STEP;
@@ -53,10 +56,7 @@ impl CanvasPane {
             focus_text(painter, self.rect, LIGHT_KEYS);
         }
         if !self.holding_light {
-            let goes = desk.tip(anisomap::studio::action::Action::FocusControls);
-            ball.on_hover_text(format!(
-                "The light of the map: drag it. With the focus {LIGHT_KEYS}.\n{goes}"
-            ));
+            ball.on_hover_text(tip);
         }
     }
 
@@ -79,7 +79,7 @@ impl CanvasPane {
             role: Role::Canvas,
             name: "Paint canvas",
             state: format!("zoom {zoom:.0}%"),
-            keys: MAP_KEYS,
+            tip: MAP_KEYS,
         };
         let size = DVec2::new(
             f64::from(camera.size.width()),

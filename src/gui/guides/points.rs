@@ -79,27 +79,33 @@ fn list(
     places: &[Vec2],
     (point, listed): (&mut usize, &mut Option<usize>),
 ) {
+    let show = |ui: &mut Ui, point: &mut usize, listed: &mut Option<usize>, i: usize| {
+        let at = places[i];
+        let text = format!("{}:  {:.3}, {:.3}", point_name(&guide.shape, i), at.x, at.y);
+        let label = ui.selectable_label(*point == i, text);
+        let tip = "Takes this point: its numbers are above. Name, u and v.";
+        if label.on_hover_text(tip).clicked() {
+            (*point, *listed) = (i, Some(i));
+        }
+    };
+    if places.len() <= ROWS {
+        (0..places.len()).for_each(|i| show(ui, point, listed, i));
+        return;
+    }
     let high = ROW + ui.spacing().item_spacing.y;
-    let rows = places.len().min(ROWS);
     let mut area = ScrollArea::vertical()
         .id_salt("points")
-        .max_height(high * rows as f32)
+        .max_height(high * ROWS as f32)
         .auto_shrink([false, true]);
     if *listed != Some(*point) {
         // One that was chosen elsewhere comes into sight.
-        let above = point.saturating_sub(rows / 2);
+        let above = point.saturating_sub(ROWS / 2);
         area = area.vertical_scroll_offset(above as f32 * high);
         *listed = Some(*point);
     }
     area.show_rows(ui, ROW, places.len(), |ui, shown| {
         for i in shown {
-            let at = places[i];
-            let text = format!("{}:  {:.3}, {:.3}", point_name(&guide.shape, i), at.x, at.y);
-            let label = ui.selectable_label(*point == i, text);
-            let tip = "Takes this point: its numbers are above. Name, u and v.";
-            if label.on_hover_text(tip).clicked() {
-                (*point, *listed) = (i, Some(i));
-            }
+            show(ui, point, listed, i);
         }
     });
 }

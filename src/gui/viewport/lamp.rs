@@ -47,7 +47,7 @@ impl ViewportPane {
                 orbit.elevation_degrees(),
                 orbit.distance()
             ),
-            keys: &format!("{CAMERA_KEYS}. {frame}"),
+            tip: &format!("{CAMERA_KEYS}. {frame}"),
         };
         for step in steered.steps(ui, response, desk) {
             let by = Vec2::new(step.by.x, -step.by.y);
@@ -109,11 +109,18 @@ impl ViewportPane {
         let Some(first) = lights.first() else { return };
         let id = response.id.with("lights");
         let ball = ui.interact(ball_rect(self.rect), id, Sense::focusable_noninteractive());
+        let (goes, back) = (
+            desk.tip(Action::FocusControls),
+            desk.tip(Action::ResetLight),
+        );
+        let tip = format!(
+            "The lights of the 3D view: drag them, or the right button with Shift anywhere. With the focus {LIGHT_KEYS}.\n{goes}\n{back}"
+        );
         let steered = Steered {
             role: Role::Slider,
             name: "Lights of the 3D view",
             state: light_text(*first),
-            keys: LIGHT_KEYS,
+            tip: &tip,
         };
         for step in steered.steps(ui, &ball, desk) {
             turn(
@@ -130,13 +137,7 @@ impl ViewportPane {
             focus_text(&painter, self.rect, LIGHT_KEYS);
         }
         if !is_held {
-            let (goes, back) = (
-                desk.tip(Action::FocusControls),
-                desk.tip(Action::ResetLight),
-            );
-            ball.on_hover_text(format!(
-                "The lights of the 3D view: drag them, or the right button with Shift anywhere. With the focus {LIGHT_KEYS}.\n{goes}\n{back}"
-            ));
+            ball.on_hover_text(tip);
         }
     }
 }
