@@ -10,6 +10,7 @@ mod shortcuts;
 mod sources;
 mod steer;
 mod tips;
+mod views;
 
 use super::app::App;
 use super::canvas::Kind;
