@@ -37,16 +37,12 @@ pub(super) struct Chunk {
     uv_change: [[Lane; 2]; 2],
     /// The unit vector to the viewer in the frame.
     pub(super) view: [Lane; 3],
-    /// How the normal turns over a sample, to the right and downward: along tangent and bitangent.
-    turn: [[Lane; 2]; 2],
-    /// How far the place that is seen lies apart from the next, at right angles to the line of sight, in the frame.
-    step: [[Lane; 3]; 2],
-    /// 1/distance to the eye; 0 for an orthographic view.
-    nearness: Lane,
+    /// 1/distance to the nearest lamp; 0 without one.
+    closeness: Lane,
+    /// The variance of the half vector inside a sample, in the tangent frame: uu, uv, vv.
+    bend: [Lane; 3],
     /// alpha_x, alpha_y, cos 2θ, sin 2θ: blended, not yet of unit length.
     pub(super) texel: [Lane; 4],
-    /// The same with a direction of unit length.
-    settled: [Lane; 4],
     room: Room,
     /// How different the lobes under the footprint are, see [`Pyramid::varieties`]; infinite where it is to be sampled anyway.
     variety: Lane,
@@ -57,8 +53,6 @@ pub(super) struct Chunk {
     /// The unit vector to a light in the frame, and the share of its irradiance that arrives.
     pub(super) light: [Lane; 3],
     falloff: Lane,
-    /// 1/distance to it; 0 for one that is far.
-    closeness: Lane,
     /// f_r n.l of that light.
     pub(super) reflected: Lane,
     /// Light toward the viewer so far: red, green, blue.
@@ -102,18 +96,15 @@ impl Chunk {
             uv: [zero; 2],
             uv_change: [[zero; 2]; 2],
             view: [zero; 3],
-            turn: [[zero; 2]; 2],
-            step: [[zero; 3]; 2],
-            nearness: zero,
+            closeness: zero,
+            bend: [zero; 3],
             texel: [zero; 4],
-            settled: [zero; 4],
             room: Room::new(),
             variety: zero,
             share: [1.0; CHUNK],
             lobe: [zero; 4],
             light: [zero; 3],
             falloff: [1.0; CHUNK],
-            closeness: zero,
             reflected: zero,
             radiance: [zero; 3],
         }
@@ -283,21 +274,32 @@ pub(super) fn uv_changes<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>) {
     }
 }
 
-/// How normal and place change from each fragment to the next, and its view raised to what a sample at the outline shows on the
-/// mean.
+/// The bend of each fragment, and its view raised to what a sample at the outline shows on the mean.
+///
+/// From one sample to the next the normal turns; and the place moves, which turns v, and l toward a lamp, and with them H = l + v by
+/// their sum over |H|. l is taken as at the peak of a highlight, where it mirrors v, so that one lobe serves all lights.
 #[simd]
-pub(super) fn changes<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>) {
-    let normal = given.of3(&given.lanes.normal);
-    let [dx, dy] = given.lanes.normal_change.each_ref().map(|d| given.of3(d));
+pub(super) fn bends<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>, lamps: &[[f32; 3]]) {
+    let n = given.count.min(CHUNK);
+    chunk.closeness[..n].fill(0.0);
+    for lamp in lamps {
+        for i in 0..n {
+            let p = get(&chunk.position, i);
+            let d = [lamp[0] - p[0], lamp[1] - p[1], lamp[2] - p[2]];
+            let inverse = 1.0 / at_least(dot(d, d), f32::MIN_POSITIVE).sqrt();
+            chunk.closeness[i] = at_least(inverse, chunk.closeness[i]);
+        }
+    }
     let rays = given.rays;
-    let eye = rays.eye.to_array();
-    let back = rays.back.to_array();
+    let (eye, back) = (rays.eye.to_array(), rays.back.to_array());
     let (right, down) = (rays.right.to_array(), (-rays.up).to_array());
     let (near, flat) = if rays.perspective {
         (1.0, 0.0)
     } else {
         (0.0, 1.0)
     };
+    let normal = given.of3(&given.lanes.normal);
+    let [dx, dy] = given.lanes.normal_change.each_ref().map(|d| given.of3(d));
     for i in 0..given.count.min(CHUNK) {
         let at = |lanes: [&[f32]; 3]| [lanes[0][i], lanes[1][i], lanes[2][i]];
         let normal = at(normal);
@@ -306,25 +308,37 @@ pub(super) fn changes<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>) {
         let n = get(&chunk.frame[2], i);
         let (dx, dy) = (bent(at(dx), inverse, n), bent(at(dy), inverse, n));
         let (tx, ty, bx, by) = (dot(t, dx), dot(t, dy), dot(b, dx), dot(b, dy));
-        chunk.turn[0][0][i] = tx;
-        chunk.turn[0][1][i] = bx;
-        chunk.turn[1][0][i] = ty;
-        chunk.turn[1][1][i] = by;
-        let p = get(&chunk.position, i);
-        let e = [eye[0] - p[0], eye[1] - p[1], eye[2] - p[2]];
-        chunk.nearness[i] = near / at_least(dot(e, e), f32::MIN_POSITIVE).sqrt();
-        let apart = rays.per_sample * (near * dot(e, back) + flat);
-        let seen = get(&chunk.view, i);
-        for (k, to) in [right, down].into_iter().enumerate() {
-            let to = beside([dot(to, t), dot(to, b), dot(to, n)], seen);
-            put(&mut chunk.step[k], i, scaled(to, apart));
-        }
         // The mean of |x| over an interval of width w around 0 is w / 4.
         let v = get(&chunk.view, i);
         let across = (v[0] * tx + v[1] * bx).abs() + (v[0] * ty + v[1] * by).abs();
         let grazing = at_most(at_least(0.25 * across, GRAZING_MIN), GRAZING_MAX);
         let v = [v[0], v[1], at_least(v[2], grazing)];
-        put(&mut chunk.view, i, scaled(v, 1.0 / dot(v, v).sqrt()));
+        let v = scaled(v, 1.0 / dot(v, v).sqrt());
+        put(&mut chunk.view, i, v);
+        let p = get(&chunk.position, i);
+        let e = [eye[0] - p[0], eye[1] - p[1], eye[2] - p[2]];
+        let nearness = near / at_least(dot(e, e), f32::MIN_POSITIVE).sqrt();
+        let apart = rays.per_sample * (near * dot(e, back) + flat);
+        let (upright, mirrored) = (1.0 / v[2], [-v[0], -v[1], v[2]]);
+        let mut bend = [0.0; 3];
+        for (to, turn) in [(right, [tx, bx]), (down, [ty, by])] {
+            let step = scaled(beside([dot(to, t), dot(to, b), dot(to, n)], v), apart);
+            let deeper = step[2] * upright;
+            let place = [
+                step[0] - v[0] * deeper,
+                step[1] - v[1] * deeper,
+                step[2] - v[2] * deeper,
+            ];
+            let aside = beside(place, mirrored);
+            let [x, y] = [0, 1].map(|c| {
+                let moved = step[c] * nearness + aside[c] * chunk.closeness[i];
+                turn[c] + moved * (0.5 * upright)
+            });
+            bend = [bend[0] + x * x, bend[1] + x * y, bend[2] + y * y];
+        }
+        let trace = (bend[0] + bend[2]) * (1.0 / 12.0);
+        let share = CURVATURE_MAX / at_least(trace, CURVATURE_MAX);
+        put(&mut chunk.bend, i, scaled(bend, (1.0 / 12.0) * share));
     }
 }
 
@@ -340,68 +354,32 @@ fn bent(change: [f32; 3], inverse: f32, n: [f32; 3]) -> [f32; 3] {
     ]
 }
 
-/// Lobes from blended texels: a direction of unit length, none where the blend or the mesh has none, and prepared for the kernels.
+/// Lobes from blended texels: a direction of unit length, none where the blend or the mesh has none, wider by the bend where
+/// `widen` says so, and prepared for the kernels.
 #[simd]
-pub(super) fn lobes<S: Simd>(_: S, chunk: &mut Chunk, n: usize) {
+pub(super) fn lobes<S: Simd>(_: S, chunk: &mut Chunk, n: usize, widen: bool) {
     let n = n.min(CHUNK);
-    let mut any_odd = 0;
-    for i in 0..n {
-        let [x, y, cos2, sin2] = four(&chunk.texel, i);
-        put4(&mut chunk.lobe, i, kernel::prepare_blend(x, y, cos2, sin2));
-        any_odd |= u32::from(is_odd(cos2, sin2, chunk.usable[i]));
-    }
-    for i in 0..if any_odd == 0 { 0 } else { n } {
-        let [x, y, cos2, sin2] = four(&chunk.texel, i);
-        if is_odd(cos2, sin2, chunk.usable[i]) {
-            let [x, y, c, s] = settled([x, y, cos2, sin2], chunk.usable[i]);
-            put4(&mut chunk.lobe, i, kernel::prepare(x, y, c, s));
+    if widen {
+        for i in 0..n {
+            let texel = settled(four(&chunk.texel, i), chunk.usable[i]);
+            let [x, y, c, s] = widened(texel, get(&chunk.bend, i));
+            let lobe = kernel::prepare(x, y, c, s);
+            put4(&mut chunk.lobe, i, lobe);
         }
-    }
-}
-
-/// Blended texels made ready to be widened: see [`widened_lobes`].
-#[simd]
-pub(super) fn settle<S: Simd>(_: S, chunk: &mut Chunk, n: usize) {
-    for i in 0..n.min(CHUNK) {
-        let texel = settled(four(&chunk.texel, i), chunk.usable[i]);
-        put4(&mut chunk.settled, i, texel);
-    }
-}
-
-/// Lobes as [`lobes`] prepares them, each wider by the variance that the half vector has inside a sample in the plane of the tangents,
-/// under the light that was asked for last.
-///
-/// From one sample to the next the place moves, which turns l and v, and with them H = l + v by their sum over |H|; and the frame
-/// turns with the normal. The slope H_t/H_n itself changes by more far from the normal, but its linear change widens lobes where they
-/// are bent most: on pots of spun copper it gave 1.3 times the FLIP from the truth.
-#[simd]
-pub(super) fn widened_lobes<S: Simd>(_: S, chunk: &mut Chunk, n: usize) {
-    for i in 0..n.min(CHUNK) {
-        let (light, view) = (get(&chunk.light, i), get(&chunk.view, i));
-        let half = [light[0] + view[0], light[1] + view[1], light[2] + view[2]];
-        let inverse = 1.0 / dot(half, half).sqrt();
-        let (nearness, closeness) = (chunk.nearness[i], chunk.closeness[i]);
-        let mut by = [0.0; 3];
-        for k in 0..2 {
-            let step = get(&chunk.step[k], i);
-            let deeper = step[2] / view[2];
-            let place = [
-                step[0] - view[0] * deeper,
-                step[1] - view[1] * deeper,
-                step[2] - view[2] * deeper,
-            ];
-            let aside = beside(place, light);
-            let [x, y] = [0, 1].map(|c| step[c] * nearness + aside[c] * closeness);
-            let u = x * inverse + chunk.turn[k][0][i];
-            let v = y * inverse + chunk.turn[k][1][i];
-            by = [by[0] + u * u, by[1] + u * v, by[2] + v * v];
+    } else {
+        let mut any_odd = 0;
+        for i in 0..n {
+            let [x, y, cos2, sin2] = four(&chunk.texel, i);
+            put4(&mut chunk.lobe, i, kernel::prepare_blend(x, y, cos2, sin2));
+            any_odd |= u32::from(is_odd(cos2, sin2, chunk.usable[i]));
         }
-        let trace = (by[0] + by[2]) * (1.0 / 12.0);
-        let share = CURVATURE_MAX / at_least(trace, CURVATURE_MAX) * (1.0 / 12.0);
-        let finite = trace < f32::INFINITY;
-        let by = by.map(|x| choose(finite, x * share, 0.0));
-        let [x, y, c, s] = widened(four(&chunk.settled, i), by);
-        put4(&mut chunk.lobe, i, kernel::prepare(x, y, c, s));
+        for i in 0..if any_odd == 0 { 0 } else { n } {
+            let [x, y, cos2, sin2] = four(&chunk.texel, i);
+            if is_odd(cos2, sin2, chunk.usable[i]) {
+                let [x, y, c, s] = settled([x, y, cos2, sin2], chunk.usable[i]);
+                put4(&mut chunk.lobe, i, kernel::prepare(x, y, c, s));
+            }
+        }
     }
 }
 
@@ -488,7 +466,6 @@ pub(super) fn toward_direction<S: Simd>(_: S, chunk: &mut Chunk, n: usize, towar
         let n = dot(toward, get(&chunk.frame[2], i));
         put(&mut chunk.light, i, [t, b, n]);
         chunk.falloff[i] = 1.0;
-        chunk.closeness[i] = 0.0;
     }
 }
 
@@ -505,7 +482,6 @@ pub(super) fn toward_place<S: Simd>(_: S, chunk: &mut Chunk, n: usize, place: [f
         let n = dot(d, get(&chunk.frame[2], i));
         put(&mut chunk.light, i, scaled([t, b, n], inverse));
         chunk.falloff[i] = choose(square > 1e-12, inverse * inverse, 1e12);
-        chunk.closeness[i] = inverse;
     }
 }
 
@@ -547,8 +523,6 @@ pub(super) fn fetch(pyramid: &Pyramid<'_>, chunk: &mut Chunk, n: usize) {
 pub(crate) fn texels_seen(pyramid: &Pyramid<'_>, uvs: &[Vec2], widening: bool) -> Vec<Texel> {
     let mut chunk = Chunk::new();
     chunk.usable = [1.0; CHUNK];
-    chunk.view[2] = [1.0; CHUNK];
-    chunk.light[2] = [1.0; CHUNK];
     let mut seen = Vec::new();
     for uvs in uvs.chunks(CHUNK) {
         let n = uvs.len();
@@ -556,12 +530,7 @@ pub(crate) fn texels_seen(pyramid: &Pyramid<'_>, uvs: &[Vec2], widening: bool) -
             [chunk.uv[0][i], chunk.uv[1][i]] = uv.to_array();
         }
         fetch(pyramid, &mut chunk, n);
-        if widening {
-            dispatch!(math::level(), simd => settle(simd, &mut chunk, n));
-            dispatch!(math::level(), simd => widened_lobes(simd, &mut chunk, n));
-        } else {
-            dispatch!(math::level(), simd => lobes(simd, &mut chunk, n));
-        }
+        dispatch!(math::level(), simd => lobes(simd, &mut chunk, n, widening));
         seen.extend((0..n).map(|i| {
             let [c, s, rx, ry] = four(&chunk.lobe, i);
             Texel {

@@ -4,9 +4,9 @@
 //! - the frame is made orthonormal at the fragment ([`Frame::new`]): interpolated vectors are neither, and a tangent that
 //!   leans half a degree toward the normal costs a third of a lobe of width 0.1;
 //! - where the surface has no direction, the lobe is isotropic with the same variance, as Radiance does;
-//! - the lobe grows, light by light, by the change of the half vector over the sample, Sigma + J Jᵀ / 12 (the variance of a box of
-//!   one sample; Kaplanyan et al. 2016 filter in the same domain): a highlight narrower than a sample keeps its energy instead
-//!   of flickering;
+//! - the lobe grows by the change of the half vector over the sample, Sigma + J Jᵀ / 12 (the variance of a box of one sample;
+//!   Kaplanyan et al. 2016 filter in the same domain): a highlight narrower than a sample keeps its energy instead of
+//!   flickering;
 //! - the cosine between normal and view is at least its mean over the sample: at the outline interpolated normals bend away
 //!   from the eye, and models that divide by that cosine would put single white samples there.
 
@@ -38,6 +38,8 @@ pub(super) struct Shader<'a> {
     alike: Option<[f32; 4]>,
     /// Where footprints are sampled that one lobe does not tell, in samples from the middle of one.
     taps: &'static [[f32; 2]],
+    /// Where lights stand that are not far.
+    lamps: Vec<[f32; 3]>,
     gain: f32,
 }
 
@@ -126,6 +128,7 @@ impl<'a> Shader<'a> {
             model: look.model,
             alike,
             taps: TAPS[scene.samples as usize - 1],
+            lamps: scene.lights.iter().filter_map(lamp).collect(),
             gain: math::exp2(scene.exposure),
         }
     }
@@ -281,7 +284,7 @@ impl<'a> Shader<'a> {
         timings.time(Stage::Frame, || {
             dispatch!(level, simd => packed::frames(simd, chunk, given));
             if quality.widening {
-                dispatch!(level, simd => packed::changes(simd, chunk, given));
+                dispatch!(level, simd => packed::bends(simd, chunk, given, &self.lamps));
             }
         });
         let ambient = Vec3::from(self.material.ambient) * Vec3::from(self.scene.ambient);
@@ -315,13 +318,10 @@ impl<'a> Shader<'a> {
                     chunk.share[..n].fill(1.0);
                 }
                 match self.alike {
-                    _ if quality.widening => {
-                        dispatch!(level, simd => packed::settle(simd, chunk, n));
-                    }
-                    Some(texel) => {
+                    Some(texel) if !quality.widening => {
                         dispatch!(level, simd => packed::lobes_alike(simd, chunk, n, texel));
                     }
-                    None => dispatch!(level, simd => packed::lobes(simd, chunk, n)),
+                    _ => dispatch!(level, simd => packed::lobes(simd, chunk, n, quality.widening)),
                 }
             });
             timings.time(Stage::Shade, || {
@@ -335,7 +335,6 @@ impl<'a> Shader<'a> {
     /// Adds the specular reflection of a light, and with `diffuse` also that.
     fn add_light(&self, light: &Light, chunk: &mut Chunk, n: usize, diffuse: bool) {
         let level = math::level();
-        let seen_only = !self.scene.quality.widening;
         let power = match *light {
             Light::Directional { toward, irradiance } => {
                 let toward = toward.normalize_or_zero().to_array();
@@ -351,9 +350,6 @@ impl<'a> Shader<'a> {
                 intensity
             }
         };
-        if !seen_only {
-            dispatch!(level, simd => packed::widened_lobes(simd, chunk, n));
-        }
         let batch = Batch {
             light: chunk.light.each_ref().map(|c| &c[..n]),
             view: chunk.view.each_ref().map(|c| &c[..n]),
@@ -365,7 +361,16 @@ impl<'a> Shader<'a> {
             (power * Vec3::from(self.material.diffuse) * f32::from(u8::from(diffuse))).to_array(),
             (power * Vec3::from(self.material.specular)).to_array(),
         );
+        let seen_only = !self.scene.quality.widening;
         dispatch!(level, simd => packed::gather(simd, chunk, n, colours, seen_only));
+    }
+}
+
+/// Where a light stands; `None` for one that is far.
+fn lamp(light: &Light) -> Option<[f32; 3]> {
+    match light {
+        Light::Point { position, .. } => Some(position.to_array()),
+        Light::Directional { .. } => None,
     }
 }
 
