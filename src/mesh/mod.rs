@@ -319,22 +319,28 @@ pub fn buffers_of(path: &Path) -> Vec<PathBuf> {
     {
         return Vec::new();
     }
-    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    let lock = || TOLD.lock().unwrap_or_else(PoisonError::into_inner);
     let about = std::fs::metadata(path).ok();
     let now = about.and_then(|about| Some((about.modified().ok()?, about.len())));
-    if let Some((time, length, buffers)) = told.get(path)
+    let before = lock().get(path).cloned();
+    if let Some((time, length, buffers)) = &before
         && now.is_none_or(|now| now == (*time, *length))
     {
         return buffers.clone();
     }
-    let (Some((time, length)), Ok(named)) = (now, companions(path)) else {
-        return match told.get(path) {
-            Some((.., buffers)) => buffers.clone(),
-            None => vec![path.with_extension("bin")],
-        };
+    let usual = || match before {
+        Some((.., buffers)) => buffers,
+        None => vec![path.with_extension("bin")],
+    };
+    let Some((time, length)) = now else {
+        return usual();
     };
     let folder = path.parent().unwrap_or(Path::new(""));
-    let buffers: Vec<PathBuf> = named.iter().map(|name| folder.join(name)).collect();
+    let buffers = match companions(path) {
+        Ok(named) => named.iter().map(|name| folder.join(name)).collect(),
+        Err(_) => usual(), // reading it as a mesh tells
+    };
+    let mut told = lock();
     if told.len() >= TOLD_MAX {
         told.clear();
     }
