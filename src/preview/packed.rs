@@ -274,6 +274,39 @@ pub(super) fn uv_changes<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>) {
     }
 }
 
+/// How a place is seen, in its frame.
+struct Seen {
+    /// The unit vector to the viewer.
+    view: [f32; 3],
+    /// World units between the lines of sight of two samples.
+    apart: f32,
+    /// 1/distance to the eye and to the nearest lamp; 0 for those that are far.
+    nearness: f32,
+    closeness: f32,
+}
+
+impl Seen {
+    /// How the half vector turns from a sample to the next `to` a side of the picture, along tangent and bitangent.
+    #[inline(always)]
+    fn turned(&self, to: [f32; 3]) -> [f32; 2] {
+        let v = self.view;
+        let upright = 1.0 / v[2];
+        let step = scaled(beside(to, v), self.apart);
+        let deeper = step[2] * upright;
+        let place = [
+            step[0] - v[0] * deeper,
+            step[1] - v[1] * deeper,
+            step[2] - v[2] * deeper,
+        ];
+        let aside = beside(place, [-v[0], -v[1], v[2]]);
+        let half = 0.5 * upright;
+        [
+            (step[0] * self.nearness + aside[0] * self.closeness) * half,
+            (step[1] * self.nearness + aside[1] * self.closeness) * half,
+        ]
+    }
+}
+
 /// The bend of each fragment, and its view raised to what a sample at the outline shows on the mean.
 ///
 /// From one sample to the next the normal turns; and the place moves, which turns v, and l toward a lamp, and with them H = l + v by
@@ -319,24 +352,25 @@ pub(super) fn bends<S: Simd>(_: S, chunk: &mut Chunk, given: Given<'_>, lamps: &
         let e = [eye[0] - p[0], eye[1] - p[1], eye[2] - p[2]];
         let nearness = near / at_least(dot(e, e), f32::MIN_POSITIVE).sqrt();
         let apart = rays.per_sample * (near * dot(e, back) + flat);
-        let (upright, mirrored) = (1.0 / v[2], [-v[0], -v[1], v[2]]);
-        let mut bend = [0.0; 3];
-        for (to, turn) in [(right, [tx, bx]), (down, [ty, by])] {
-            let step = scaled(beside([dot(to, t), dot(to, b), dot(to, n)], v), apart);
-            let deeper = step[2] * upright;
-            let place = [
-                step[0] - v[0] * deeper,
-                step[1] - v[1] * deeper,
-                step[2] - v[2] * deeper,
-            ];
-            let aside = beside(place, mirrored);
-            let [x, y] = [0, 1].map(|c| {
-                let moved = step[c] * nearness + aside[c] * chunk.closeness[i];
-                turn[c] + moved * (0.5 * upright)
-            });
-            bend = [bend[0] + x * x, bend[1] + x * y, bend[2] + y * y];
-        }
+        let place = Seen {
+            view: v,
+            apart,
+            nearness,
+            closeness: chunk.closeness[i],
+        };
+        let across = place.turned([dot(right, t), dot(right, b), dot(right, n)]);
+        let along = place.turned([dot(down, t), dot(down, b), dot(down, n)]);
+        let (xu, xv) = (tx + across[0], bx + across[1]);
+        let (yu, yv) = (ty + along[0], by + along[1]);
+        let bend = [xu * xu + yu * yu, xu * xv + yu * yv, xv * xv + yv * yv];
         let trace = (bend[0] + bend[2]) * (1.0 / 12.0);
+        // A lamp that touches the surface bends without bound.
+        let finite = trace < f32::INFINITY;
+        let bend = [
+            choose(finite, bend[0], 0.0),
+            choose(finite, bend[1], 0.0),
+            choose(finite, bend[2], 0.0),
+        ];
         let share = CURVATURE_MAX / at_least(trace, CURVATURE_MAX);
         put(&mut chunk.bend, i, scaled(bend, (1.0 / 12.0) * share));
     }
