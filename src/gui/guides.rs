@@ -292,12 +292,21 @@ impl GuideHand {
         let Some((_, guides)) = selected_guides(desk) else {
             return;
         };
+        self.of_layer = desk.studio.selected();
         let aspect = extent(desk).x;
         let holds = |guide: &Guide, uv: Vec2| {
             guide.contains(uv, aspect) || guide.distance(uv, aspect) < NEAR_ON_MESH
         };
-        let found = [uv, uv - uv.floor()]
+        // On a map that repeats a guide leads across its border too.
+        let wrap = desk.studio.map().wrap();
+        let turns = |t: f32, repeats: bool| {
+            let inside = if repeats { t - t.floor() } else { t };
+            [0.0, -1.0, 1.0].map(|turn| if repeats { inside + turn } else { inside })
+        };
+        let (across, along) = (turns(uv.x, wrap.repeats_u()), turns(uv.y, wrap.repeats_v()));
+        let found = along
             .into_iter()
+            .flat_map(|v| across.map(|u| Vec2::new(u, v)))
             .find_map(|uv| guides.guide.iter().rposition(|g| holds(g, uv)));
         match found {
             Some(guide) => self.select(guide),

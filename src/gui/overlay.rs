@@ -223,8 +223,11 @@ impl Overlay {
         let layer = (desk.studio.selected(), desk.studio.is_mask_selected());
         self.is_uncovered |= desk.news.new_map || self.covers != Some(layer);
         for rect in &desk.news.map {
-            match (&mut self.coverage, desk.studio.coverage_in(*rect)) {
-                (Some(coverage), Some(values)) if self.covering.is_none() => {
+            // Only where it is of use: it is worked out here and now.
+            let is_kept = self.coverage.is_some() && self.covering.is_none() && !self.is_uncovered;
+            let values = is_kept.then(|| desk.studio.coverage_in(*rect)).flatten();
+            match (&mut self.coverage, values) {
+                (Some(coverage), Some(values)) => {
                     coverage.change(*rect, &values);
                     self.drawn = None;
                 }
@@ -232,7 +235,9 @@ impl Overlay {
                 _ => self.is_uncovered = true,
             }
         }
-        if self.is_uncovered && !desk.studio.is_drawing() {
+        // What is under way of the same layer comes first: while a bar is dragged each would end the one before.
+        let is_under_way = self.covering.is_some() && self.covers == Some(layer);
+        if self.is_uncovered && !is_under_way && !desk.studio.is_drawing() {
             self.is_uncovered = false;
             self.cover(ui, desk, layer);
         }
@@ -243,6 +248,9 @@ impl Overlay {
                     self.covering = None;
                     self.coverage = desk.told(found);
                     self.drawn = None;
+                    if self.is_uncovered {
+                        ui.ctx().request_repaint(); // what came is old already
+                    }
                 }
                 Now::Over => self.covering = None,
             }

@@ -397,7 +397,10 @@ impl ViewportPane {
     /// With the guide tool a click selects the guide that lies where the mesh is met: its numbers are in the panel then.
     fn select_guide(&self, response: &Response, desk: &mut Desk) {
         let with_guides = desk.hand.kind() == ToolKind::Guide && !desk.pointer_taken;
-        if let Some(hit) = self.hit.filter(|_| with_guides && response.clicked()) {
+        let on_ball = |at| self.is_ball(desk, at);
+        let clicked = response.clicked_by(PointerButton::Primary)
+            && !response.interact_pointer_pos().is_some_and(on_ball);
+        if let Some(hit) = self.hit.filter(|_| with_guides && clicked) {
             let mut hand = std::mem::take(&mut desk.guides);
             hand.select_at(desk, hit.uv);
             desk.guides = hand;

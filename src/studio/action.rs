@@ -174,7 +174,7 @@ actions! {
         ExposureDown "exposure_down" "Darker" "Lowers the exposure by a third of a stop" ["Shift+Comma"]
         ExposureUp "exposure_up" "Brighter" "Raises the exposure by a third of a stop" ["Shift+Period"]
         ResetLight "reset_light" "Reset light" "Puts the lights back" ["Shift+Home"]
-        ToggleTimings "toggle_timings" "Timings" "Shows over the 3D view how long each stage of its last drawing took, summed over the cores" ["F9"]
+        ToggleTimings "toggle_timings" "Timings" "Shows over the 3D view how long each stage of its last drawing took; those that go tile by tile are summed over the cores" ["F9"]
     }
     Window {
         Shortcuts "shortcuts" "Shortcuts" "Lists every key and mouse gesture" ["F1"]

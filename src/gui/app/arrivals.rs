@@ -230,6 +230,8 @@ impl App {
         }
         if self.watch_files.changed() {
             self.desk.studio.read_files_again();
+            // One that names others may name new ones.
+            self.watched = None;
             self.desk.redraw = self.desk.redraw.or(Redraw::Sharp);
             // Of one that is gone the layer tells; a .gltf may well have no buffers beside it.
             let watched = self.desk.studio.files_to_watch();

@@ -63,7 +63,7 @@ pub(super) fn point_rows(
     let mut finished = false;
     for (value, name) in at.iter_mut().zip(["Point u", "Point v"]) {
         let tip = "Where the point lies, UV units; of a curve's points that hang on another one, where its tangent ends.";
-        finished |= row(ui, name, -1.0..=2.0, "", tip, value);
+        finished |= row(ui, name, -1.0..=2.0, "UV units", tip, value);
     }
     if at != places[*point].to_array() {
         let kind = HandleKind::Point(*point);

@@ -78,9 +78,10 @@ impl ViewportPane {
     pub(super) fn hold_lights(&mut self, ui: &Ui, response: &Response, desk: &mut Desk) -> bool {
         // Where the button went down, not where the pointer is by the end of the frame.
         let pressed = ui.input(|i| i.events.iter().find_map(|e| button(e, true)));
-        let pressed = pressed.filter(|at| {
-            response.contains_pointer() && self.drawing.is_none() && self.is_ball(desk, *at)
-        });
+        let is_free =
+            !desk.pointer_taken && self.drawing.is_none() && !ui.input(|i| i.modifiers.alt);
+        let pressed =
+            pressed.filter(|at| is_free && response.contains_pointer() && self.is_ball(desk, *at));
         let Some(from) = self.lights_from.or(pressed) else {
             return false;
         };
