@@ -805,12 +805,7 @@ impl Parts {
         let axis = if axes == Axes::Each { &self.axis } else { &any };
         let mut all = Vec::new();
         for &(dx, a) in x {
-            for &(dy, b) in y {
-                let (dx, dy) = match widths {
-                    Widths::Round if dy.bytes() > dx.bytes() => (dy, dy),
-                    Widths::Round => (dx, dx),
-                    _ => (dx, dy),
-                };
+            for &(dy, b) in y.iter().filter(|y| widths != Widths::Round || y.0 == dx) {
                 for &(da, c) in axis {
                     all.push((Channels::new(dx, dy, da), a.hypot(b).hypot(c)));
                 }
