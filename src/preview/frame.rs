@@ -81,7 +81,7 @@ struct Owed {
 }
 
 /// Tiles that are lit whatever the time.
-const TILES_AT_LEAST: usize = 64;
+const TILES_AT_LEAST: usize = 16;
 
 /// What the picture was lit with.
 struct Shown {

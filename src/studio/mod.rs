@@ -419,10 +419,9 @@ impl Studio {
     /// # Errors
     /// When the scene holds numbers that are not allowed.
     pub fn draw(&mut self, moves: bool) -> Result<Vec<Rect>> {
-        let dirty = self
-            .viewport
-            .draw(&self.subject, &self.scene, moves, &self.timings)?;
-        Ok(dirty)
+        let late = self.spent.saturating_sub(pen::CATCH_UP);
+        self.viewport
+            .draw(&self.subject, &self.scene, moves, late, &self.timings)
     }
 
     /// Has the picture drawn better in the background.

@@ -78,6 +78,8 @@ const STAGES: [(u32, bool); 3] = [(2, false), (4, false), (REFERENCE_SAMPLES, tr
 
 /// How long pixels that show a change of the map are lit before the rest is left to the next drawing.
 const RELIGHT: Duration = Duration::from_millis(12);
+/// And where the stroke took more than its own time before.
+const RELIGHT_LEAST: Duration = Duration::from_millis(3);
 
 /// From so many triangles on nobody waits for a sharp picture while a hurried one of the same stands.
 const MANY: usize = 1 << 20;
@@ -219,7 +221,7 @@ impl Viewport {
     }
 
     /// Draws what changed at once: one sample a pixel, or less while the camera `moves`. Gives the rectangles of pixels that are
-    /// new.
+    /// new. Where the map changed, so much less of it as others are `late`: the rest comes with the next drawing.
     ///
     /// # Errors
     /// When the scene holds numbers that are not allowed.
@@ -228,6 +230,7 @@ impl Viewport {
         subject: &Arc<Prepared<'static>>,
         scene: &Scene,
         moves: bool,
+        late: Duration,
         timings: &Timings,
     ) -> Result<Vec<Rect>> {
         let scene = Scene {
@@ -253,7 +256,7 @@ impl Viewport {
                 frame.draft(subject, &scene, look, timings, &Progress::none())?;
                 continue;
             }
-            let limit = Some(RELIGHT / share);
+            let limit = Some(RELIGHT.saturating_sub(late).max(RELIGHT_LEAST) / share);
             match frame.draw_within(limit, subject, &scene, look, timings, &Progress::none())? {
                 Redrawn::Nothing => {}
                 Redrawn::Tiles(_) => {
