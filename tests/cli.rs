@@ -1063,10 +1063,17 @@ fn a_full_disk_and_a_read_only_folder_end_with_3_and_spoil_nothing() {
         "generate pot -o out --size 512 --formats png",
         "generate pot -o out --size 512 --formats glb",
         "preview pot -o out/pot.png --size 256",
-        "reduce scratched_steel -o out --size 256 --tolerance 0.001",
     ] {
         run(words);
     }
+    // Where no format can be judged, the search is not lost for that: the output is what fails.
+    let told = run("reduce scratched_steel -o out --size 256 --tolerance 0.001");
+    assert!(told.contains("was not judged"), "{told}");
+    let last = told.lines().rfind(|l| l.starts_with("error"));
+    assert!(
+        last.is_some_and(|l| l.contains("out/scratched_steel")),
+        "{told}"
+    );
     let there: Vec<_> = fs::read_dir(desk.path("out"))
         .expect("a folder")
         .map(|entry| entry.expect("an entry").file_name())

@@ -938,6 +938,37 @@ fn generated_files_are_as_fine_as_the_tolerance_wants() {
 }
 
 #[test]
+fn where_files_cannot_be_read_back_the_formats_are_not_judged() {
+    let desk = Desk::new();
+    desk.write("flat.toml", FLAT);
+    let words =
+        "generate ./flat.toml -o out --formats exr,png8,glb,gltf --mesh torus --reduce 0.01 --json";
+    let output = Command::new(env!("CARGO_BIN_EXE_anisomap"))
+        .args(words.split(' '))
+        .env("TMPDIR", desk.path("flat.toml"))
+        .current_dir(desk.0.path())
+        .output()
+        .expect("the binary starts");
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    assert!(told.contains("exr, png8, glb, gltf"), "{told}");
+    assert!(told.contains("not judged"), "{told}");
+    let json: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let reduced = &json["reduced"];
+    let all = serde_json::json!(["exr", "png8", "glb", "gltf"]);
+    assert_eq!(reduced["unjudged"], all);
+    assert_eq!(reduced["seen_in"], serde_json::json!([]));
+    // They are as exact as they can be then.
+    let path = desk.path("out/flat.exr");
+    let file = exr::meta::MetaData::read_from_file(path, false).expect("an OpenEXR file");
+    let channels = &file.headers[0].channels.list;
+    let full = |c: &exr::meta::attribute::ChannelDescription| {
+        c.sample_type == exr::meta::attribute::SampleType::F32
+    };
+    assert!(channels.iter().all(full), "{channels:?}");
+}
+
+#[test]
 fn each_format_is_judged_by_what_its_own_files_give_back() {
     let desk = Desk::new();
     // The PNG's roots have no code for these widths; glTF scales its own to the largest.

@@ -249,7 +249,7 @@ pub(super) struct ReduceArgs {
     #[command(flatten)]
     pub(super) recipe_args: RecipeArgs,
     /// JSON for scripts in place of the table: {name, metric, tolerance, picture, reference_samples, k_max, scenes, full,
-    /// reduced, seen_in, seen_in_floats, dropped, recipe, files, tried}. Example: --json
+    /// reduced, seen_in, seen_in_floats, unjudged, dropped, recipe, files, tried}. Example: --json
     #[arg(long)]
     pub(super) json: bool,
 }

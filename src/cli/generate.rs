@@ -31,9 +31,10 @@ pub(super) fn run(args: GenerateArgs) -> Result {
         .map_or(Vec::new(), |done| coarse(&formats, &done.reduced));
     let halves_are_seen = (reduced.as_ref()).is_some_and(|done| {
         let exr = [Target::Exr, Target::RgbExr];
-        let seen_in = &done.reduced.seen_in;
-        exr.iter()
-            .any(|f| formats.contains(f) && seen_in.contains(f))
+        let reduced = &done.reduced;
+        // What nobody could judge is written as exactly as it can be.
+        let coarse = |f| reduced.seen_in.contains(f) || reduced.unjudged.contains(f);
+        exr.iter().any(|f| formats.contains(f) && coarse(f))
     });
     let job = Job {
         stem: file.recipe().name.clone(),

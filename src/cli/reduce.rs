@@ -68,6 +68,8 @@ pub(super) struct Reduced {
     pub(super) seen_in: Vec<Target>,
     /// Those of them that are so in floats too.
     pub(super) seen_in_floats: Vec<Target>,
+    /// Those that could not be judged.
+    pub(super) unjudged: Vec<Target>,
     /// The recipe that stands for the reduced map.
     pub(super) recipe: PathBuf,
 }
@@ -98,6 +100,9 @@ impl Work<'_> {
         };
         let reduction = console::with_progress("reducing", |p| least(&request, p))?;
         console::check_cancelled()?;
+        if let Some(sentence) = reduction.not_judged() {
+            console::complain(&format!("note: {sentence}"));
+        }
         let mut saved = reduction.write(&stem, &self.recipe, request.aspect)?;
         let unjudged = if own.is_some() {
             unjudged(&shown, &judged)
@@ -117,6 +122,9 @@ impl Work<'_> {
             json,
             seen_in: reduction.seen_in,
             seen_in_floats: reduction.seen_in_floats,
+            unjudged: reduction
+                .unjudged
+                .map_or(Vec::new(), |(formats, _)| formats),
             recipe: saved.recipe,
         })
     }

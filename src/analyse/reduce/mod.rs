@@ -259,6 +259,9 @@ pub struct Reduction {
     pub seen_in: Vec<Target>,
     /// Those of them that would be seen even if they had floats; formats without a choice among them.
     pub seen_in_floats: Vec<Target>,
+    /// The formats that could not be judged, since files of theirs could not be written or read where the system keeps what goes
+    /// again, and why the first of them.
+    pub unjudged: Option<(Vec<Target>, Error)>,
     /// Texels along a pixel's side where one turn of the full map fills the picture: the samples that the reference wants.
     pub texels_a_pixel: u32,
     /// Bytes of the full map in memory.
@@ -288,6 +291,55 @@ impl Reduction {
 pub fn least(request: &Request<'_>, progress: &Progress<'_>) -> Result<Reduction> {
     request.check()?;
     Search::new(request, progress)?.run()
+}
+
+/// So many times the tolerance is over it, with however many samples it was measured.
+const FAR: f32 = 1.5;
+
+/// What came of the formats.
+#[derive(Default)]
+struct Judged {
+    seen_in: Vec<Target>,
+    seen_in_floats: Vec<Target>,
+    unjudged: Option<(Vec<Target>, Error)>,
+}
+
+impl Judged {
+    /// What came of a format before.
+    fn of(&self, format: Target) -> std::result::Result<bool, Trouble> {
+        let is_left = |(formats, _): &(Vec<Target>, Error)| formats.contains(&format);
+        match self.unjudged.as_ref().is_some_and(is_left) {
+            true => Err(Trouble::Again),
+            false => Ok(self.seen_in.contains(&format)),
+        }
+    }
+
+    /// Leaves a format out because of its files; any other trouble ends the search.
+    fn leave(&mut self, format: Target, trouble: Trouble) -> Result<()> {
+        match (trouble, &mut self.unjudged) {
+            (Trouble::Other(error), _) => return Err(error),
+            (_, Some((formats, _))) => formats.push(format),
+            (Trouble::Files(error), None) => self.unjudged = Some((vec![format], error)),
+            (Trouble::Again, None) => unreachable!("its twin was left out"),
+        }
+        Ok(())
+    }
+}
+
+/// Why a format was not judged.
+enum Trouble {
+    /// Its files could not be written or read.
+    Files(Error),
+    /// Those of its twin could not.
+    Again,
+    /// It has nothing to do with files.
+    Other(Error),
+}
+
+impl From<Error> for Trouble {
+    fn from(error: Error) -> Self {
+        Self::Other(error)
+    }
 }
 
 /// A part that passed alone, with its share of the tolerance.
@@ -387,10 +439,11 @@ impl<'a> Search<'a> {
     fn end(&mut self, kept: Kept, looks: &[Look], errors: Vec<PictureError>) -> Result<Reduction> {
         let full = Form::full(Shape::Grid(self.request.map.size()));
         let measured = kept.form != full || looks != self.request.looks;
-        let (seen_in, seen_in_floats) = self.seen_in(&kept.map, looks)?;
+        let judged = self.judged(&kept.map, looks)?;
         Ok(Reduction {
-            seen_in,
-            seen_in_floats,
+            seen_in: judged.seen_in,
+            seen_in_floats: judged.seen_in_floats,
+            unjudged: judged.unjudged,
             milliseconds: self.studio.time(&kept.map, looks, self.progress)?,
             kept,
             looks: looks.to_vec(),
@@ -405,26 +458,38 @@ impl<'a> Search<'a> {
     }
 
     /// The formats whose files would be seen to differ, as they usually are and with floats.
-    fn seen_in(&mut self, map: &AnisoMap, looks: &[Look]) -> Result<(Vec<Target>, Vec<Target>)> {
-        let (mut seen, mut seen_in_floats) = (Vec::new(), Vec::new());
-        let judged = self.request.formats.iter().copied();
-        for format in judged.filter(|format| *format != Target::Preview) {
+    fn judged(&mut self, map: &AnisoMap, looks: &[Look]) -> Result<Judged> {
+        let mut judged = Judged::default();
+        let formats = self.request.formats;
+        let maps = || formats.iter().copied().filter(|f| *f != Target::Preview);
+        self.progress.expect(maps().count() as u64);
+        for format in maps() {
             // Both hold the same textures.
-            let twin = format == Target::Gltf && self.request.formats.contains(&Target::Glb);
-            let is_seen = match twin {
-                true => seen.contains(&Target::Glb),
-                false => self.is_seen_in(format, Precision::Half, map, looks)?,
+            let twin = format == Target::Gltf && formats.contains(&Target::Glb);
+            let first = match format {
+                _ if twin => judged.of(Target::Glb),
+                _ => self.is_seen_in(format, Precision::Half, map, looks),
             };
-            if !is_seen {
-                continue;
+            match first {
+                Ok(false) => {}
+                Ok(true) => {
+                    let chooses = matches!(format, Target::Exr | Target::RgbExr);
+                    let in_floats = match chooses {
+                        true => self.is_seen_in(format, Precision::Float, map, looks),
+                        false => Ok(true),
+                    };
+                    judged.seen_in.push(format);
+                    match in_floats {
+                        Ok(false) => {}
+                        Ok(true) => judged.seen_in_floats.push(format),
+                        Err(trouble) => judged.leave(format, trouble)?,
+                    }
+                }
+                Err(trouble) => judged.leave(format, trouble)?,
             }
-            seen.push(format);
-            let chooses = matches!(format, Target::Exr | Target::RgbExr);
-            if !chooses || self.is_seen_in(format, Precision::Float, map, looks)? {
-                seen_in_floats.push(format);
-            }
+            self.progress.step()?;
         }
-        Ok((seen, seen_in_floats))
+        Ok(judged)
     }
 
     fn is_seen_in(
@@ -433,15 +498,22 @@ impl<'a> Search<'a> {
         precision: Precision,
         map: &AnisoMap,
         looks: &[Look],
-    ) -> Result<bool> {
+    ) -> std::result::Result<bool, Trouble> {
         self.progress.check()?;
         let (metric, tolerance) = (self.request.metric, self.request.tolerance);
-        let stored = given_back(format, precision, map)?;
+        let stored = given_back(format, precision, map).map_err(Trouble::Files)?;
         if stored == *map || is_clear(metric, self.predictor.of_map(&stored)?, tolerance) {
             return Ok(false);
         }
         let error = self.studio.error(&stored, looks, self.progress)?;
-        Ok(!error.is_within(tolerance))
+        if error.is_within(self.request.limit()) || !error.is_within(FAR * tolerance) {
+            return Ok(!error.is_within(tolerance));
+        }
+        // Too near to be told with few samples.
+        let errors = self
+            .studio
+            .reference_errors(&stored, looks, self.progress)?;
+        Ok(!errors.iter().all(|e| e.is_within(tolerance)))
     }
 
     fn log(

@@ -8,6 +8,16 @@ use crate::preview::Look;
 use serde_json::{Value, json};
 
 impl Reduction {
+    /// What was not judged, and why, in one sentence; none where all was.
+    pub fn not_judged(&self) -> Option<String> {
+        let (formats, why) = self.unjudged.as_ref()?;
+        let names: Vec<&str> = formats.iter().map(|f| f.name()).collect();
+        Some(format!(
+            "whether {} would be seen to differ was not judged: {why}",
+            names.join(", ")
+        ))
+    }
+
     /// What the reduced map no longer has, a sentence each; empty for the full map.
     pub fn dropped(&self, request: &Request<'_>) -> Vec<String> {
         let full = request.map.size();
@@ -157,6 +167,7 @@ impl Reduction {
             },
             "seen_in": self.seen_in,
             "seen_in_floats": self.seen_in_floats,
+            "unjudged": self.unjudged.as_ref().map(|(formats, _)| formats),
             "dropped": self.dropped(request),
             "recipe": saved.recipe,
             "files": saved.files,
