@@ -208,11 +208,11 @@ fn the_commit_beside_the_data_is_that_of_the_build() {
         return;
     }
     let git = |words: &[&str]| {
-        let output = std::process::Command::new("git")
-            .arg("-C")
-            .arg(root)
-            .args(words)
-            .output();
+        let mut command = std::process::Command::new("git");
+        for variable in ["GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"] {
+            command.env_remove(variable); // as a hook has them
+        }
+        let output = command.arg("-C").arg(root).args(words).output();
         let output = output.ok().filter(|o| o.status.success())?;
         Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
     };
