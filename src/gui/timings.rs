@@ -21,6 +21,11 @@ impl StageTimes {
         self.last = std::array::from_fn(|i| sums[i] - self.sums[i]);
         self.sums = sums;
     }
+
+    /// Passes over a drawing that drew nothing: what it took is not the next one's.
+    pub(crate) fn pass_over(&mut self, timings: &Timings) {
+        self.sums = Stage::ALL.map(|stage| timings.milliseconds(stage));
+    }
 }
 
 /// Shows them at the right of the picture, below what stands at its top.
@@ -66,5 +71,12 @@ mod tests {
         let second = stages.last[Stage::Shade as usize];
         assert!(second >= 1.0 && second < first, "{second}");
         assert_eq!(stages.last[Stage::Raster as usize], 0.0);
+        work(60);
+        stages.pass_over(&timings);
+        assert_eq!(stages.last[Stage::Shade as usize], second);
+        work(1);
+        stages.take(&timings);
+        let third = stages.last[Stage::Shade as usize];
+        assert!(third >= 1.0 && third < first, "{third}");
     }
 }

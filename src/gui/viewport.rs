@@ -553,7 +553,9 @@ impl ViewportPane {
             self.touched = Instant::now();
             let drawn = desk.studio.draw(redraw == Redraw::Moving);
             parts = desk.told(drawn).unwrap_or_default();
-            if !parts.is_empty() {
+            if parts.is_empty() {
+                desk.stages.pass_over(desk.studio.timings());
+            } else {
                 desk.draw_time = desk.studio.viewport().time();
                 desk.stages.take(desk.studio.timings());
             }

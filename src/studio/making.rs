@@ -7,6 +7,7 @@ use crate::filter::Pyramid;
 use crate::generate::scene;
 use crate::map::Size;
 use crate::mesh::Body;
+use crate::preview::{Stage, Timings};
 use crate::progress::Progress;
 use crate::raster::Geometry;
 use crate::recipe::{self, Files, LeftOut, Recipe, Stamp, file_of_mesh};
@@ -58,6 +59,7 @@ struct Ground {
     /// A mesh that is to be shown with it.
     body: Option<Shape>,
     no_mesh: Option<Arc<Error>>,
+    timings: Arc<Timings>,
 }
 
 /// A mesh to be looked at and to be drawn.
@@ -102,6 +104,7 @@ impl Studio {
         let draft = draft_size(&recipe);
         let thread = std::thread::Builder::new().name("map".to_owned()).spawn({
             let (stop, done) = (stop.clone(), done.clone());
+            let timings = self.timings.clone();
             move || {
                 let report = |now: u64, all: u64| {
                     let part = 1000.0 * now as f64 / all.max(1) as f64;
@@ -114,6 +117,7 @@ impl Studio {
                     before,
                     body: None,
                     no_mesh: None,
+                    timings,
                 };
                 if let Some(word) = new_mesh.as_deref() {
                     apart(|| ground.open_mesh(word, stamp));
@@ -345,7 +349,7 @@ impl Ground {
             is_draft,
             stack,
             averages: view::Averages::new(&map),
-            pyramid: Pyramid::new(map),
+            pyramid: (self.timings).time(Stage::Prepare, || Pyramid::new(map)),
             body: self.body.take(),
             no_mesh: self.no_mesh.clone(),
         })

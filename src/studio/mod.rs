@@ -125,7 +125,7 @@ pub struct Studio {
     averages: Option<view::Averages>,
     scene: Scene,
     viewport: Viewport,
-    timings: Timings,
+    timings: Arc<Timings>,
     job: Option<Job>,
     queue: ready::Queue,
     /// While a draft is shown: the stack of the whole map before, whose layers serve for the next.
@@ -163,7 +163,7 @@ impl Studio {
     /// A studio that has neither begun a journal nor to work out its map.
     fn at_rest(document: Document, options: Options) -> Result<Self> {
         let stand_in = AnisoMap::constant(Size::new(1, 1)?, Wrap::Repeat, DEFAULT_TEXEL);
-        let timings = Timings::on();
+        let timings = Arc::new(Timings::on());
         let mesh = Arc::new(mesh::builtin(DEFAULT_MESH).expect("a built-in mesh"));
         let body = Arc::new(Body::new(Arc::clone(&mesh))?);
         let subject = Prepared::new(mesh, stand_in, document.recipe().material, &timings)?;
@@ -419,7 +419,7 @@ impl Studio {
     /// # Errors
     /// When the scene holds numbers that are not allowed.
     pub fn draw(&mut self, moves: bool) -> Result<Vec<Rect>> {
-        let late = self.spent.saturating_sub(pen::CATCH_UP);
+        let late = self.spent.saturating_sub(CATCH_UP);
         self.viewport
             .draw(&self.subject, &self.scene, moves, late, &self.timings)
     }

@@ -5,6 +5,7 @@ use super::{DEFAULT_MESH, Edit, Header, Hit, Step, Studio, Touched, canvas, pick
 use crate::error::Result;
 use crate::map::Rect;
 use crate::paint::{Brush, Live, POINTS_MAX, Point, Points, Stroke, SurfacePoint};
+use crate::preview::Stage;
 use crate::recipe::below;
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
@@ -349,7 +350,8 @@ impl Studio {
                 .collect();
             self.averages = None;
             let regions = self.canvas.compose(&parts);
-            self.subject_mut().write_map(&regions);
+            let timings = self.timings.clone();
+            timings.time(Stage::Prepare, || self.subject_mut().write_map(&regions));
             self.dirty.extend(parts.iter().map(|(_, rect)| *rect));
             last = begun.elapsed() - before;
         }
