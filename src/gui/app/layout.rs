@@ -153,12 +153,10 @@ impl App {
                             .auto_shrink(false)
                             .show(ui, |ui| self.layers.show(ui, &mut self.desk));
                     });
-                let tip = "Drag: the height of the list of layers.";
-                name_handle(ui, panel, "Height of the list of layers", tip);
+                handle(ui, panel, Way::Down, "Height of the list of layers");
                 self.properties.show(ui, &mut self.desk);
             });
-        let tip = "Drag: the width of the panels.";
-        name_handle(ui, "side", "Width of the panels", tip);
+        handle(ui, "side", Way::Left, "Width of the panels");
     }
 
     /// Canvas and 3D view, with a line between them that can be dragged.
@@ -280,12 +278,61 @@ impl App {
     }
 }
 
-/// Names the handle by which a panel is made larger, and says what it does.
-fn name_handle(ui: &Ui, panel: impl egui::AsIdSalt, name: &str, tip: &str) {
-    let id = ui.scope_id().with(panel).with("__resize"); // as the toolkit calls it
-    if let Some(handle) = ui.read_response(id) {
-        handle.accessible_name(name).on_hover_text(tip);
+/// Which way the handle of a panel goes to make it larger.
+#[derive(Clone, Copy, PartialEq)]
+enum Way {
+    Left,
+    Down,
+}
+
+/// How far an arrow key moves the handle of a panel, points.
+const HANDLE_STEP: f32 = 16.0;
+
+/// Names the handle by which a panel is made larger, says what it does, and moves it by arrow keys.
+fn handle(ui: &Ui, panel: impl egui::AsIdSalt, way: Way, name: &str) {
+    let id = ui.scope_id().with(panel);
+    let Some(handle) = ui.read_response(id.with("__resize")) else {
+        return; // as the toolkit calls it
+    };
+    let tip = format!("{name}: drag, or with the focus arrow keys.");
+    let handle = handle.accessible_name(name).on_hover_text(tip);
+    if !handle.has_focus() {
+        return;
     }
+    let filter = egui::EventFilter {
+        horizontal_arrows: way == Way::Left,
+        vertical_arrows: way == Way::Down,
+        ..Default::default()
+    };
+    ui.memory_mut(|m| m.set_focus_lock_filter(handle.id, filter));
+    let (more, less) = match way {
+        Way::Left => (egui::Key::ArrowLeft, egui::Key::ArrowRight),
+        Way::Down => (egui::Key::ArrowDown, egui::Key::ArrowUp),
+    };
+    let presses = |key| ui.input(|i| i.num_presses(key)) as f32;
+    let by = HANDLE_STEP * (presses(more) - presses(less));
+    if by != 0.0
+        && let Some(mut state) = egui::PanelState::load(ui.ctx(), id)
+    {
+        // The panel keeps its own range.
+        let size = state.size();
+        match way {
+            Way::Left => state.outer_rect.set_width(size.x + by),
+            Way::Down => state.outer_rect.set_height(size.y + by),
+        }
+        ui.data_mut(|d| d.insert_persisted(id, state));
+        ui.ctx().request_repaint();
+    }
+    let line = match way {
+        Way::Left => handle
+            .rect
+            .shrink2(vec2(0.5 * handle.rect.width() - 1.0, 0.0)),
+        Way::Down => handle
+            .rect
+            .shrink2(vec2(0.0, 0.5 * handle.rect.height() - 1.0)),
+    };
+    let colour = Palette::of(ui).accent.gamma_multiply(0.6);
+    ui.painter().rect_filled(line, CornerRadius::ZERO, colour);
 }
 
 /// The files of late; gives the one that was chosen.

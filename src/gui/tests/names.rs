@@ -153,6 +153,57 @@ fn the_split_is_moved_with_arrow_keys() {
 }
 
 #[test]
+fn handles_of_panels_are_moved_with_arrow_keys() {
+    let (mut window, _folder) = window();
+    let edge = |w: &Window, name: &str| {
+        let rect = w.get_by_label(name).rect();
+        (rect.center().x, rect.center().y)
+    };
+    for (name, keys, is_down) in [
+        (
+            "Width of the panels",
+            [Key::ArrowLeft, Key::ArrowRight],
+            false,
+        ),
+        (
+            "Height of the list of layers",
+            [Key::ArrowUp, Key::ArrowDown],
+            true,
+        ),
+    ] {
+        window.get_by_label(name).focus();
+        window.run_steps(2);
+        let start = edge(&window, name);
+        for (key, sign) in keys.into_iter().zip([-1.0, 1.0]) {
+            let from = edge(&window, name);
+            window.key_press(key);
+            window.run_steps(3);
+            let to = edge(&window, name);
+            let moved = if is_down {
+                to.1 - from.1
+            } else {
+                to.0 - from.0
+            };
+            // The list of so few layers has little to go.
+            let step = if is_down { 1.0..17.0 } else { 15.0..17.0 };
+            assert!(step.contains(&(moved * sign)), "{name} {key:?}: {moved}");
+        }
+        assert_eq!(edge(&window, name), start, "{name}");
+        // It ends where the panel does.
+        for _ in 0..40 {
+            window.key_press(keys[0]);
+            window.run_steps(1);
+        }
+        let far = edge(&window, name);
+        let way = (far.0 - start.0).abs() + (far.1 - start.1).abs();
+        assert!(way > 1.0 && way < 400.0, "{name}: {way}");
+        window.key_press(keys[1]);
+        window.run_steps(3);
+        assert_ne!(edge(&window, name), far, "{name} comes back at once");
+    }
+}
+
+#[test]
 fn escape_closes_an_open_list_before_the_dialog_that_it_is_in() {
     let (mut window, _folder) = window();
     press(&mut window, "Ctrl+Shift+E");
