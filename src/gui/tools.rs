@@ -61,7 +61,8 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
     let (rect, _) = ui.allocate_exact_size(vec2(22.0, 22.0), egui::Sense::hover());
     icon(kind).paint(ui.painter(), rect, Palette::of(ui).accent);
     let on_mask = desk.studio.is_mask_selected();
-    if !kind.paints() || fit_bars(ui, &desk.hand.brush().tool, kind, on_mask) {
+    let fit = fit_bars(ui, &desk.hand.brush().tool, kind, on_mask);
+    if !kind.paints() || fit.has_name {
         left_label(ui, NAME, egui::RichText::new(kind.name()).strong());
     }
     if kind == ToolKind::Guide {
@@ -81,11 +82,11 @@ pub(crate) fn bar(ui: &mut Ui, desk: &mut Desk) {
         of_mask(ui, desk);
     }
     if kind != ToolKind::Fill {
-        size_and_flow(ui, desk);
+        size_and_flow(ui, desk, fit);
         ui.add_space(6.0);
     }
     if !on_mask {
-        of_tool(ui, desk);
+        of_tool(ui, desk, fit);
     }
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
         symmetry(ui, desk);
@@ -101,9 +102,24 @@ const NUMBER: f32 = 116.0;
 /// Width of the tool's name before them.
 const NAME: f32 = 84.0;
 
-/// Makes the bars of this row narrower where they would not fit into the window: [`fitted`] gives their widths. Gives whether the
-/// tool's name has room, too.
-fn fit_bars(ui: &mut Ui, tool: &Tool, kind: ToolKind, on_mask: bool) -> bool {
+/// How the row above the pictures is made to fit into the window.
+#[derive(Clone, Copy)]
+struct Fit {
+    /// Whether the tool's name has room, too.
+    has_name: bool,
+    /// What the widths of bars are multiplied by.
+    factor: f32,
+}
+
+impl Fit {
+    /// The width of a bar.
+    fn width(self, width: f32) -> f32 {
+        (width * self.factor).floor()
+    }
+}
+
+/// Makes the bars of this row narrower where they would not fit into the window.
+fn fit_bars(ui: &Ui, tool: &Tool, kind: ToolKind, on_mask: bool) -> Fit {
     // Bars, and how broad what stands between them is.
     let (bars, others): (&[f32], f32) = match tool {
         _ if on_mask => (&[], 150.0),
@@ -125,16 +141,11 @@ fn fit_bars(ui: &mut Ui, tool: &Tool, kind: ToolKind, on_mask: bool) -> bool {
     let symmetry = 3.0 * 26.0;
     let room = ui.available_width() - others - gaps - symmetry;
     let has_name = room - NAME >= wanted;
-    ui.spacing_mut().slider_width = match has_name {
+    let factor = match has_name {
         true => 1.0,
         false => (room / wanted.max(1.0)).clamp(0.3, 1.0),
     };
-    has_name
-}
-
-/// The width of a bar in the row above the pictures.
-fn fitted(ui: &Ui, width: f32) -> f32 {
-    (width * ui.spacing().slider_width).floor()
+    Fit { has_name, factor }
 }
 
 /// What a stroke on a mask does: of the brush its size, hardness and flow alone count there.
@@ -163,7 +174,7 @@ fn of_mask(ui: &mut Ui, desk: &mut Desk) {
     }
 }
 
-fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
+fn size_and_flow(ui: &mut Ui, desk: &mut Desk, fit: Fit) {
     let (breadth, unit, text) = if desk.hand.on_screen {
         let text = "Breadth of the brush in points of the screen, whatever is zoomed to.";
         (2.0 * f64::from(SCREEN_POINTS), "pt", text)
@@ -179,7 +190,7 @@ fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
         &text,
         &[Action::SizeDown, Action::SizeUp, Action::DragSize],
     );
-    let bar = Bar::new("Size", range).unit(unit).width(fitted(ui, SIZE));
+    let bar = Bar::new("Size", range).unit(unit).width(fit.width(SIZE));
     let bar = bar.show(ui, &mut size);
     if bar.response.changed() {
         desk.hand.set_radius((size / breadth) as f32);
@@ -193,7 +204,7 @@ fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
     part_bar(
         ui,
         "Hardness",
-        HARDNESS,
+        fit.width(HARDNESS),
         tip,
         &mut desk.hand.brush_mut().hardness,
     );
@@ -202,7 +213,13 @@ fn size_and_flow(ui: &mut Ui, desk: &mut Desk) {
         "How much of its work one stroke does.",
         &[Action::FlowDown, Action::FlowUp, Action::DragFlow],
     );
-    part_bar(ui, "Flow", FLOW, tip, &mut desk.hand.brush_mut().flow);
+    part_bar(
+        ui,
+        "Flow",
+        fit.width(FLOW),
+        tip,
+        &mut desk.hand.brush_mut().flow,
+    );
 }
 
 /// A sentence, and the actions that do the same with their keys.
@@ -219,7 +236,7 @@ fn part_bar(ui: &mut Ui, name: &str, width: f32, tip: String, value: &mut f32) {
     let mut number = f64::from(*value);
     let bar = Bar::new(name, 0.0..=1.0)
         .percent()
-        .width(fitted(ui, width))
+        .width(width)
         .show(ui, &mut number);
     if bar.response.changed() {
         *value = number as f32;
@@ -227,12 +244,12 @@ fn part_bar(ui: &mut Ui, name: &str, width: f32, tip: String, value: &mut f32) {
     bar.response.on_hover_text(tip);
 }
 
-fn alpha_bar(ui: &mut Ui, name: &str, tip: &str, value: &mut f32) {
+fn alpha_bar(ui: &mut Ui, fit: Fit, name: &str, tip: &str, value: &mut f32) {
     let mut number = shown(*value);
     let range = f64::from(ALPHA_MIN)..=f64::from(ALPHA_MAX);
     let bar = Bar::new(name, range)
         .unit("slope width")
-        .width(fitted(ui, ALPHA))
+        .width(fit.width(ALPHA))
         .show(ui, &mut number);
     if bar.response.changed() {
         *value = number as f32;
@@ -246,7 +263,14 @@ pub(crate) fn shown(value: f32) -> f64 {
 }
 
 /// A width that may be left alone.
-fn optional_alpha(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<f32>, default: f32) {
+fn optional_alpha(
+    ui: &mut Ui,
+    fit: Fit,
+    name: &str,
+    tip: &str,
+    value: &mut Option<f32>,
+    default: f32,
+) {
     let mut on = value.is_some();
     if ui
         .checkbox(&mut on, "")
@@ -259,9 +283,11 @@ fn optional_alpha(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<f32>, d
         *value = on.then_some(default);
     }
     match value {
-        Some(value) => alpha_bar(ui, name, tip, value),
+        Some(value) => alpha_bar(ui, fit, name, tip, value),
         None => {
-            ui.add_enabled_ui(false, |ui| alpha_bar(ui, name, tip, &mut default.clone()));
+            ui.add_enabled_ui(false, |ui| {
+                alpha_bar(ui, fit, name, tip, &mut default.clone());
+            });
         }
     }
 }
@@ -275,22 +301,23 @@ fn swap(ui: &mut Ui, desk_tip: String) -> bool {
 const ALONG: &str = "Slope width along the stroke, which becomes alpha_x. Small is smooth: the highlight is narrow this way.";
 const ACROSS: &str = "Slope width across the stroke, which becomes alpha_y. Large is rough: the highlight stretches this way.";
 
-fn of_tool(ui: &mut Ui, desk: &mut Desk) {
+fn of_tool(ui: &mut Ui, desk: &mut Desk, fit: Fit) {
     let swap_tip = desk.tip(Action::SwapAlphas);
     let mut swapped = false;
     let angle_tip = "Angle of the x axis in degrees, counter-clockwise from +U.";
     match &mut desk.hand.brush_mut().tool {
         Tool::Groove(g) => {
-            alpha_bar(ui, "Along", ALONG, &mut g.along);
+            alpha_bar(ui, fit, "Along", ALONG, &mut g.along);
             swapped = swap(ui, swap_tip);
-            alpha_bar(ui, "Across", ACROSS, &mut g.across);
+            alpha_bar(ui, fit, "Across", ACROSS, &mut g.across);
         }
         Tool::Scratch(s) => {
-            alpha_bar(ui, "Along", ALONG, &mut s.along);
+            alpha_bar(ui, fit, "Along", ALONG, &mut s.along);
             swapped = swap(ui, swap_tip);
-            alpha_bar(ui, "Across", ACROSS, &mut s.across);
+            alpha_bar(ui, fit, "Across", ACROSS, &mut s.across);
             number_bar(
                 ui,
+                fit,
                 "Density",
                 1.0..=200.0,
                 "How many scratches on a way as long as the brush is broad.",
@@ -298,6 +325,7 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
             );
             number_bar(
                 ui,
+                fit,
                 "Length",
                 0.001..=1.0,
                 "Mean length of a scratch, surface units.",
@@ -305,6 +333,7 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
             );
             number_bar(
                 ui,
+                fit,
                 "Width",
                 0.00001..=0.1,
                 "Breadth of a scratch, surface units. Thinner than a texel is fainter, not broader.",
@@ -312,6 +341,7 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
             );
             number_bar(
                 ui,
+                fit,
                 "Lean",
                 0.0..=90.0,
                 "How far scratches lean from the stroke at most, to either side.",
@@ -321,6 +351,7 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
         Tool::SetAlpha(s) => {
             optional_alpha(
                 ui,
+                fit,
                 "alpha_x",
                 "Slope width along the x axis.",
                 &mut s.alpha_x,
@@ -329,6 +360,7 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
             swapped = swap(ui, swap_tip);
             optional_alpha(
                 ui,
+                fit,
                 "alpha_y",
                 "Slope width across the x axis.",
                 &mut s.alpha_y,
@@ -338,6 +370,7 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
         Tool::Fill(f) => {
             optional_alpha(
                 ui,
+                fit,
                 "alpha_x",
                 "Slope width along the x axis.",
                 &mut f.alpha_x,
@@ -346,6 +379,7 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
             swapped = swap(ui, swap_tip);
             optional_alpha(
                 ui,
+                fit,
                 "alpha_y",
                 "Slope width across the x axis.",
                 &mut f.alpha_y,
@@ -361,12 +395,15 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
                 f.angle = on.then_some(0.0);
             }
             if let Some(angle) = &mut f.angle {
-                number_bar(ui, "Angle", -180.0..=180.0, angle_tip, angle);
+                number_bar(ui, fit, "Angle", -180.0..=180.0, angle_tip, angle);
             }
         }
-        Tool::SetDirection(s) => number_bar(ui, "Angle", -180.0..=180.0, angle_tip, &mut s.angle),
+        Tool::SetDirection(s) => {
+            number_bar(ui, fit, "Angle", -180.0..=180.0, angle_tip, &mut s.angle);
+        }
         Tool::Smooth(s) => number_bar(
             ui,
+            fit,
             "Reach",
             0.0005..=0.1,
             "How far around itself a texel looks, surface units.",
@@ -375,6 +412,7 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
         Tool::Roughen(r) => {
             number_bar(
                 ui,
+                fit,
                 "Factor",
                 0.1..=10.0,
                 "What both widths are multiplied by.",
@@ -402,6 +440,7 @@ fn of_tool(ui: &mut Ui, desk: &mut Desk) {
 
 fn number_bar(
     ui: &mut Ui,
+    fit: Fit,
     name: &str,
     range: std::ops::RangeInclusive<f64>,
     tip: &str,
@@ -415,7 +454,7 @@ fn number_bar(
     };
     let bar = Bar::new(name, range)
         .unit(unit)
-        .width(fitted(ui, NUMBER))
+        .width(fit.width(NUMBER))
         .show(ui, &mut number);
     if bar.response.changed() {
         *value = number as f32;
