@@ -143,13 +143,31 @@ impl<'a> Bar<'a> {
         if self.integer || shown == 0.0 {
             return format!("{shown:.0}");
         }
-        let decimals = (2.0 - shown.abs().log10().floor()).clamp(0.0, 5.0) as usize;
+        let decimals = decimals(shown.abs().log10().floor() as i32);
         let text = format!("{shown:.decimals$}");
         if text.contains('.') {
             text.trim_end_matches('0').trim_end_matches('.').to_owned()
         } else {
             text
         }
+    }
+
+    /// Numbers of which one is as wide as any that can be shown or typed: the ends, and one with all its decimals of each power
+    /// of ten between them.
+    fn widest(&self) -> Vec<String> {
+        let ends = [*self.range.start(), *self.range.end()];
+        let mut numbers = ends.map(|end| self.number(end)).to_vec();
+        if self.integer {
+            return numbers;
+        }
+        let [low, high] = ends.map(|end| end * self.factor);
+        for (sign, from, to) in [("", low, high), ("-", -high, -low)] {
+            let within = |power: &i32| from < 10f64.powi(power + 1) && to > 10f64.powi(*power);
+            let all = (DECIMALS.0..=DECIMALS.1).filter(within);
+            let text = |power| format!("{sign}{:.*}", decimals(power), 8.0 * 10f64.powi(power));
+            numbers.extend(all.map(text));
+        }
+        numbers
     }
 
     /// The longest form of the unit that has room beside label and number, whatever the number will be.
@@ -160,12 +178,7 @@ impl<'a> Bar<'a> {
                 .layout_no_wrap(text, font.clone(), Color32::WHITE);
             galley.size().x
         };
-        let ends = [*self.range.start(), *self.range.end()].map(|end| wide(self.number(end)));
-        let number = if self.integer {
-            ends[0].max(ends[1])
-        } else {
-            ends[0].max(ends[1]).max(wide("0.123".to_owned()))
-        };
+        let number = self.widest().into_iter().map(wide).fold(0.0, f32::max);
         let room = width - MARGINS - wide(self.label.to_owned()) - number;
         let forms = forms(self.unit);
         let mut fitting = forms
@@ -359,6 +372,14 @@ impl<'a> Bar<'a> {
         }
         painter.galley(at, number, palette.text);
     }
+}
+
+/// Powers of ten of numbers whose decimals are shown.
+const DECIMALS: (i32, i32) = (-5, 1);
+
+/// How many decimals a number of this power of ten is shown with: three digits, five decimals at most.
+fn decimals(power: i32) -> usize {
+    (2 - power).clamp(0, 5) as usize
 }
 
 /// What stands on a bar beside label, number and unit: the margins and the gap between them.
@@ -626,9 +647,35 @@ mod tests {
             let font = FontId::proportional(12.5);
             let length = Bar::new("Length", 0.001..=10.0).unit("surface units");
             let angle = Bar::new("Angle", -180.0..=180.0).unit("degrees");
-            let widths = [300.0, 130.0, 60.0];
+            let widths = [300.0, 150.0, 60.0];
             forms = widths.map(|w| length.unit_in(ui, &font, w)).to_vec();
             forms.push(angle.unit_in(ui, &font, 20.0));
+            let wide = |text: &str| {
+                let text = text.to_owned();
+                let galley = ui
+                    .painter()
+                    .layout_no_wrap(text, font.clone(), Color32::WHITE);
+                galley.size().x
+            };
+            for (low, high) in [
+                (0.1, 1.0),
+                (0.001, 1.5),
+                (-2.0, 0.5),
+                (0.0, 1.0),
+                (5.0, 90.0),
+            ] {
+                let bar = Bar::new("Width", low..=high).unit("slope width");
+                for width in 80..200 {
+                    let width = width as f32;
+                    let unit = bar.unit_in(ui, &font, width);
+                    for i in 0..=1000 {
+                        let value = low + (high - low) * f64::from(i) / 1000.0;
+                        let text = with_unit(&bar.number(value), unit);
+                        let fits = wide(&text) + wide("Width") + MARGINS <= width + 0.01;
+                        assert!(unit.is_empty() || fits, "{text} in {width}");
+                    }
+                }
+            }
         };
         drop(egui_kittest::Harness::new_ui(show));
         assert_eq!(forms, ["surface units", "units", "", "\u{b0}"]);
