@@ -655,8 +655,8 @@ fn meaning_rows(ui: &mut Ui, c: &mut Convention) {
     let axes = [
         (
             Leads::Along,
-            "the axis that the widths' formula calls along",
-            "Of two widths, the axis of the first.",
+            "the axis called along",
+            "Of two widths, the axis of the first: the one that the widths' formula calls along.",
         ),
         (
             Leads::Highlight,

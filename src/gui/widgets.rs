@@ -206,7 +206,10 @@ impl<'a> Bar<'a> {
             return BarResponse { response, finished };
         }
         let finished = self.handle(ui, rect, &mut response, value);
-        self.paint(ui, rect, &response, *value);
+        // Before the tip that says what it does.
+        if self.paint(ui, rect, &response, *value) {
+            response = response.on_hover_text(self.label);
+        }
         let (label, shown) = (self.label, *value * self.factor);
         response.widget_info(|| WidgetInfo::slider(true, shown, label));
         if response.clicked() || (response.has_focus() && ui.input(|i| i.key_pressed(Key::Enter))) {
@@ -304,7 +307,8 @@ impl<'a> Bar<'a> {
         (None, false)
     }
 
-    fn paint(&self, ui: &Ui, rect: Rect, response: &Response, value: f64) {
+    /// Gives whether the label has no room to be shown whole.
+    fn paint(&self, ui: &Ui, rect: Rect, response: &Response, value: f64) -> bool {
         let palette = Palette::of(ui);
         let painter = ui.painter();
         let round = CornerRadius::same(3);
@@ -350,6 +354,7 @@ impl<'a> Bar<'a> {
         );
         job.wrap = egui::text::TextWrapping::truncate_at_width(room.max(0.0));
         let label = painter.layout_job(job);
+        let is_elided = label.elided;
         let top = |height: f32| rect.center().y - 0.5 * height;
         painter.galley(
             pos2(rect.left() + 7.0, top(label.size().y)),
@@ -371,6 +376,7 @@ impl<'a> Bar<'a> {
             });
         }
         painter.galley(at, number, palette.text);
+        is_elided
     }
 }
 

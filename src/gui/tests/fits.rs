@@ -3,7 +3,7 @@
 use super::tips::{Control, controls, node};
 use super::*;
 use crate::gui::import::{ImportDialog, look_at};
-use eframe::egui::Rect;
+use eframe::egui::{Rect, Shape};
 use std::collections::HashSet;
 
 /// Sizes of a window in points: 1440 x 900 with text of twice the size, the smallest window, a large one.
@@ -35,17 +35,66 @@ fn amiss(window: &Window, place: &str) -> Vec<String> {
             // A handle between panels lies half over both.
             let is_handle =
                 |c: &Control| matches!(c.role, Role::Splitter) || c.name.contains("Split");
-            if !is_handle(control) && !is_handle(other) && !there.contains_rect(*rect) {
-                wrong.push(format!("{name} lies over {}", other.name));
+            if !is_handle(control) && !is_handle(other) {
+                wrong.push(format!("{name} lies over {} {there:?}", other.name));
             }
         }
     }
     wrong
 }
 
+/// The texts that are shown, and where; of those that are `elided` only a part, before an ellipsis.
+fn shown(window: &Window, elided: bool) -> Vec<(String, Rect)> {
+    fn of(shape: &Shape, elided: bool, found: &mut Vec<(String, Rect)>) {
+        match shape {
+            Shape::Text(text) if text.galley.elided == elided => {
+                let rect = text.galley.rect.translate(text.pos.to_vec2());
+                found.push((text.galley.text().to_owned(), rect));
+            }
+            Shape::Vec(shapes) => shapes.iter().for_each(|s| of(s, elided, found)),
+            _ => {}
+        }
+    }
+    let mut found = Vec::new();
+    for clipped in &window.output().shapes {
+        of(&clipped.shape, elided, &mut found);
+    }
+    found
+}
+
+/// Texts of which only a part is shown, even where the pointer rests on them.
+fn cut_short(window: &mut Window, place: &str) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for (text, at) in shown(window, true) {
+        let whole = |window: &Window| {
+            let all = shown(window, false).into_iter();
+            all.filter(|(t, _)| *t == text).count()
+        };
+        let before = whole(window);
+        window.hover_at(at.center());
+        window.run_steps(3);
+        if whole(window) <= before {
+            wrong.push(format!("{place}: {text:?} is elided at {at:?}"));
+        }
+        window.hover_at(Pos2::ZERO);
+        window.run_steps(2);
+    }
+    wrong
+}
+
+/// A window whose tips come at once.
+fn telling() -> (Window, TempDir) {
+    let (window, folder) = window();
+    window.ctx.all_styles_mut(|style| {
+        style.interaction.tooltip_delay = 0.0;
+        style.interaction.show_tooltips_only_when_still = false;
+    });
+    (window, folder)
+}
+
 #[test]
 fn the_bars_of_every_tool_fit_into_every_window() {
-    let (mut window, _folder) = window();
+    let (mut window, _folder) = telling();
     let mut wrong = Vec::new();
     for size in SIZES {
         window.set_size(size);
@@ -64,6 +113,7 @@ fn the_bars_of_every_tool_fit_into_every_window() {
                 window.run_steps(3);
                 let place = format!("{} at {size:?}, mask {on_mask}", kind.name());
                 wrong.extend(amiss(&window, &place));
+                wrong.extend(cut_short(&mut window, &place));
             }
         }
     }
@@ -72,7 +122,7 @@ fn the_bars_of_every_tool_fit_into_every_window() {
 
 #[test]
 fn every_dialog_can_be_reached_whole_in_every_window() {
-    let (mut window, folder) = window();
+    let (mut window, folder) = telling();
     for kind in ["Roughness", "Anisotropic", "Rotation"] {
         let grey = image::GrayImage::from_pixel(8, 8, image::Luma([128]));
         grey.save(folder.path().join(format!("s_{kind}.png")))
@@ -116,6 +166,7 @@ fn every_dialog_can_be_reached_whole_in_every_window() {
                     let name = &control.name;
                     wrong.push(format!("{action:?} at {size:?}: {name} {at:?}"));
                 }
+                wrong.extend(cut_short(&mut window, &format!("{action:?} at {size:?}")));
             }
         }
     }
