@@ -239,8 +239,19 @@ fn old_key(tip: &str, keymap: &Keymap) -> bool {
     let defaults = Keymap::default();
     let chords = Action::ALL.iter().flat_map(|a| defaults.chords(*a));
     // A letter alone may be a word, and a dialog's Escape is nobody's to change.
-    let mut telling = chords.filter(|c| c.ctrl || c.shift || c.key.starts_with("F1"));
-    telling.any(|chord| rest.contains(&chord.to_string()))
+    let is_function = |key: &str| key.len() > 1 && key.starts_with('F');
+    let mut telling = chords.filter(|c| c.ctrl || c.shift || is_function(&c.key));
+    telling.any(|chord| tells(&rest, &chord.to_string()))
+}
+
+/// Whether a key stands in a text, and not as a part of another.
+fn tells(text: &str, key: &str) -> bool {
+    text.match_indices(key).any(|(at, _)| {
+        let before = text[..at].chars().next_back();
+        let after = text[at + key.len()..].chars().next();
+        before.is_none_or(|c| !c.is_alphanumeric() && c != '+')
+            && after.is_none_or(|c| !c.is_alphanumeric())
+    })
 }
 
 pub(super) fn node(window: &Window, id: NodeId) -> Option<egui_kittest::Node<'_>> {
@@ -334,6 +345,28 @@ fn everything() -> (Window, TempDir) {
     });
     window.run_steps(3);
     (window, folder)
+}
+
+#[test]
+fn a_key_that_was_changed_is_found_in_a_tip() {
+    let folder = tempfile::tempdir().unwrap();
+    let keymap = other_keys(folder.path());
+    let defaults = Keymap::default();
+    let keys: Vec<&Chord> = Action::ALL
+        .iter()
+        .flat_map(|a| defaults.chords(*a))
+        .collect();
+    for n in 1..=12 {
+        let key = format!("F{n}");
+        let is_default = keys.iter().any(|c| c.to_string() == key);
+        assert_eq!(old_key(&format!("Timings: {key}"), &keymap), is_default);
+    }
+    for action in Action::ALL {
+        let now = keymap.keys_text(*action);
+        assert!(!old_key(&format!("{}: {now}", action.name()), &keymap));
+    }
+    let save = defaults.keys_text(Action::Save);
+    assert!(old_key(&format!("Save: {save}"), &keymap));
 }
 
 #[test]
