@@ -380,6 +380,25 @@ impl PreparedLayer {
         }
     }
 
+    /// Multiplies the coverage of a rectangle with mask and opacity.
+    pub(super) fn weigh_coverage(
+        &self,
+        rect: Rect,
+        covered: &mut [f32],
+        scratch: &mut Scratch<'_>,
+    ) {
+        let opacity = self.opacity;
+        match &self.mask {
+            None => covered.iter_mut().for_each(|c| *c *= opacity),
+            Some(mask) => {
+                mask.fill_alone(rect, scratch);
+                for (c, w) in covered.iter_mut().zip(&scratch.weight) {
+                    *c = w * (*c * opacity);
+                }
+            }
+        }
+    }
+
     /// Blends what the scratch holds of the layer over a tile of the region below.
     fn blend_tile(&self, region: &mut RegionMut<'_>, tile: Rect, scratch: &mut Scratch<'_>) {
         self.weigh(scratch, self.mask.is_some());
@@ -565,6 +584,17 @@ fn blend_whole<S: Simd>(_: S, channels: Channels, row: &Row<'_>, planes: [&mut [
 }
 
 impl PreparedMask {
+    /// The weights of a rectangle, into the scratch's `weight`; of its other planes only those have room that this takes.
+    pub(super) fn fill_alone(&self, rect: Rect, scratch: &mut Scratch<'_>) {
+        match self.source {
+            Weights::Value { .. } => scratch.resize(rect.texels()),
+            Weights::Drawn(_) | Weights::Painted { .. } => {
+                scratch.weight.resize(rect.texels(), 0.0);
+            }
+        }
+        self.fill(rect, scratch);
+    }
+
     /// The weights of a tile, into the scratch's `weight`.
     pub(super) fn fill(&self, tile: Rect, scratch: &mut Scratch<'_>) {
         match &self.source {

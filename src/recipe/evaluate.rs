@@ -248,8 +248,7 @@ impl Prepared {
         let layer = self.layers.iter().find(|layer| layer.at == at)?;
         let mask = layer.mask.as_ref()?;
         let mut scratch = Scratch::default();
-        scratch.resize(rect.texels());
-        mask.fill(rect, &mut scratch);
+        mask.fill_alone(rect, &mut scratch);
         Some(scratch.weight)
     }
 
@@ -272,15 +271,19 @@ impl Prepared {
         let Some(layer) = self.layers.iter().find(|layer| layer.at == at) else {
             return Ok(None);
         };
-        let mut scratch = Scratch::asking(progress);
-        scratch.resize(rect.texels());
-        match &layer.source {
-            PreparedSource::Fill(source) => source.fill(&mut scratch.patch(rect)),
-            PreparedSource::Strokes(painting) => {
-                painting.cover(rect, &mut scratch.coverage, progress)?;
+        let covered = match &layer.source {
+            PreparedSource::Fill(source) => {
+                let mut scratch = Scratch::asking(progress);
+                scratch.resize(rect.texels());
+                source.fill(&mut scratch.patch(rect));
+                scratch.coverage
             }
-        }
-        let covered = std::mem::take(&mut scratch.coverage);
+            PreparedSource::Strokes(painting) => {
+                let mut covered = vec![0.0; rect.texels()];
+                painting.cover(rect, &mut covered, progress)?;
+                covered
+            }
+        };
         Ok(Some(self.covered(at, rect, covered)))
     }
 
@@ -288,20 +291,25 @@ impl Prepared {
     ///
     /// # Panics
     /// When `rect` reaches outside the map, or does not have as many texels.
-    pub fn covered(&self, at: usize, rect: Rect, covered: Vec<f32>) -> Vec<f32> {
+    pub fn covered(&self, at: usize, rect: Rect, mut covered: Vec<f32>) -> Vec<f32> {
         self.assert_inside(rect);
         assert_eq!(covered.len(), rect.texels(), "a number for each texel");
         let Some(layer) = self.layers.iter().find(|layer| layer.at == at) else {
             return covered;
         };
-        let mut scratch = Scratch::default();
-        scratch.resize(rect.texels());
-        if let Some(mask) = &layer.mask {
-            mask.fill(rect, &mut scratch);
-        }
-        scratch.coverage = covered;
-        layer.weigh(&mut scratch, layer.mask.is_some());
-        scratch.weight
+        let rows = TILE_HEIGHT.min(rect.height.max(1));
+        let band = (rect.width * rows).max(1) as usize;
+        let bands = covered.par_chunks_mut(band).enumerate();
+        bands.for_each_init(Scratch::default, |scratch, (n, covered)| {
+            let y = n as u32 * rows;
+            let part = Rect {
+                y: rect.y + y,
+                height: rows.min(rect.height - y),
+                ..rect
+            };
+            layer.weigh_coverage(part, covered, scratch);
+        });
+        covered
     }
 
     /// The layers above the layer `at`, and the recipe's adjustment, over a region.

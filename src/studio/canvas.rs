@@ -271,7 +271,7 @@ impl Canvas {
         let active = self.active.as_mut()?;
         active.fly(&self.stack, None);
         active.ensure(&self.stack, rect, active.painting.len());
-        let touched = active.shown(rect).1;
+        let touched = active.touched(rect);
         Some(match active.mask {
             Some(_) => touched,
             None => self.stack.covered(active.at, rect, touched),
@@ -669,6 +669,18 @@ impl Active {
             }
         }
         (now, coverage)
+    }
+
+    /// How much of each texel of a rectangle whose tiles are there strokes have touched, with the one in flight.
+    fn touched(&self, rect: Rect) -> Vec<f32> {
+        let mut touched = vec![self.start(); rect.texels()];
+        for number in self.numbers(rect) {
+            let in_flight = self.live.as_ref().and_then(|f| f.tiles.get(&number));
+            if let Some(tile) = in_flight.or(self.tiles[&number].as_deref()) {
+                copy_plane((rect, &mut touched), (tile.now.rect(), &tile.coverage));
+            }
+        }
+        touched
     }
 
     /// A tile, as the stroke in flight left it if it has been there, with what it changes in `part`.

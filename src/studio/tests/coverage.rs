@@ -234,3 +234,47 @@ fn of_a_painted_mask_it_is_what_was_painted() {
         "what was painted hides the layer"
     );
 }
+
+#[test]
+fn it_is_the_same_for_any_number_of_threads() {
+    let polygon = "polygon = [[0.2, 0.1], [0.9, 0.2], [0.8, 0.9], [0.1, 0.8]]\nfeather = 0.1\n";
+    let pattern = "low = 0.4\nhigh = 0.6\n[layers.mask.brushed]\nangle = 135.0\n";
+    let painted = "start = 0.3\n[layers.mask.strokes]\npacked = []\nbrushes = []\n";
+    for mask in ["", polygon, pattern, painted] {
+        let text = over_ground(PAINTED, "repeat");
+        let (before, _) = text.split_once("[layers.mask]").unwrap();
+        let mask = match mask {
+            "" => String::new(),
+            mask => format!("[layers.mask]\ninvert = true\n{mask}"),
+        };
+        let mut studio = studio_of(&format!("{before}{mask}{PAINTED}"));
+        studio.select(1);
+        some_strokes(&mut studio);
+        let stack = studio.canvas.stack();
+        let rect = Rect {
+            x: 13,
+            y: 5,
+            width: 101,
+            height: 83,
+        };
+        let covered: Vec<f32> = (0..rect.texels()).map(|i| (i % 17) as f32 / 16.0).collect();
+        // A texel at a time, by the definition.
+        let weight = stack.mask(1, rect);
+        let weight = |i: usize| weight.as_ref().map_or(1.0, |all| all[i]);
+        let want: Vec<f32> = (0..rect.texels())
+            .map(|i| weight(i) * (covered[i] * 0.7))
+            .collect();
+        for threads in [1, 2, 7] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let pool = pool.build().unwrap();
+            let found = pool.install(|| stack.covered(1, rect, covered.clone()));
+            assert!(found == want, "{threads} threads, {mask}");
+        }
+        let all = studio.map().size().rect();
+        assert_eq!(
+            studio.coverage_in(all).unwrap(),
+            coverage(&studio),
+            "{mask}"
+        );
+    }
+}
