@@ -93,7 +93,7 @@ pub(crate) struct CanvasPane {
     pub(crate) wrap: bool,
     holding_light: bool,
     layout: Layout,
-    overlay: Overlay,
+    pub(crate) overlay: Overlay,
     ranges: Ranges,
     legend: LegendPicture,
     /// Where the canvas is, points.

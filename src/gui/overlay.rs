@@ -6,7 +6,7 @@ use super::pane::put;
 use super::widgets::overlay_text;
 use super::work::{Now, Work};
 use anisomap::Error;
-use anisomap::map::Size;
+use anisomap::map::{Rect as Texels, Size};
 use anisomap::progress::Progress;
 use anisomap::studio::apart;
 use anisomap::studio::view::{
@@ -19,11 +19,14 @@ use eframe::egui::{
 };
 use glam::DVec2;
 use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
 
 /// The colour of a layer's coverage.
 const COVERAGE: [u8; 3] = [0xe2, 0x57, 0x8f];
 /// How opaque it is where the layer covers all.
 const COVERED: f32 = 0.62;
+/// How long a frame works the coverage out anew where the map changed.
+const FOLLOW: Duration = Duration::from_millis(8);
 /// A mask in grey: what it shows is white.
 const SHOWN: [u8; 3] = [255; 3];
 /// Size of a legend's strip and wheel, points.
@@ -196,12 +199,21 @@ pub(crate) struct Overlay {
     covering: Option<Work<Result<Coverage, Error>>>,
     /// Whether it has to be looked at anew.
     is_uncovered: bool,
+    /// Where alone it has to.
+    behind: Vec<Texels>,
     marks: Option<LintMarks>,
     work: Option<Work<Result<LintMarks, Error>>>,
     stale: bool,
 }
 
 impl Overlay {
+    /// The coverage as it is shown; `None` while some of it is still to be worked out.
+    #[cfg(test)]
+    pub(crate) fn whole_coverage(&self) -> Option<&Coverage> {
+        let is_whole = self.behind.is_empty() && !self.is_uncovered && self.covering.is_none();
+        self.coverage.as_ref().filter(|_| is_whole)
+    }
+
     /// Nothing is shown; what was found is kept while the map stays.
     pub(crate) fn rest(&mut self, map_changed: bool) {
         if map_changed {
@@ -223,18 +235,11 @@ impl Overlay {
         let layer = (desk.studio.selected(), desk.studio.is_mask_selected());
         self.is_uncovered |= desk.news.new_map || self.covers != Some(layer);
         for rect in &desk.news.map {
-            // Only where it is of use: it is worked out here and now.
-            let is_kept = self.coverage.is_some() && self.covering.is_none() && !self.is_uncovered;
-            let values = is_kept.then(|| desk.studio.coverage_in(*rect)).flatten();
-            match (&mut self.coverage, values) {
-                (Some(coverage), Some(values)) => {
-                    coverage.change(*rect, &values);
-                    self.drawn = None;
-                }
-                // Of another layer, or of what is looked at just now: all of it may be other.
-                _ => self.is_uncovered = true,
+            if !self.behind.contains(rect) {
+                self.behind.push(*rect);
             }
         }
+        self.follow(ui, desk);
         // What is under way of the same layer comes first: while a bar is dragged each would end the one before.
         let is_under_way = self.covering.is_some() && self.covers == Some(layer);
         if self.is_uncovered && !is_under_way && !desk.studio.is_drawing() {
@@ -287,6 +292,34 @@ impl Overlay {
             painter.rect_filled(ground, CornerRadius::ZERO, Color32::BLACK);
         }
         self.paint(painter, rect);
+    }
+
+    /// Works the coverage out anew where the map changed, the last change first: as far as that takes no time to speak of, the
+    /// rest in the next frames.
+    fn follow(&mut self, ui: &Ui, desk: &mut Desk) {
+        let begun = Instant::now();
+        while let Some(rect) = self.behind.pop() {
+            // Only where it is of use: it is worked out here and now.
+            let is_kept = self.coverage.is_some() && self.covering.is_none() && !self.is_uncovered;
+            let values = is_kept.then(|| desk.studio.coverage_in(rect)).flatten();
+            match (&mut self.coverage, values) {
+                (Some(coverage), Some(values)) => {
+                    coverage.change(rect, &values);
+                    self.drawn = None;
+                }
+                _ => {
+                    // Of another layer, or of what is looked at just now: all of it may be other.
+                    self.is_uncovered = true;
+                    self.behind.clear();
+                }
+            }
+            if begun.elapsed() >= FOLLOW {
+                break;
+            }
+        }
+        if !self.behind.is_empty() {
+            ui.ctx().request_repaint();
+        }
     }
 
     #[expect(

@@ -1,6 +1,8 @@
 //! What the views over the lit map say of themselves.
 
 use super::*;
+use anisomap::progress::Progress;
+use anisomap::studio::view::Coverage;
 
 /// Steps until a text is shown.
 #[track_caller]
@@ -34,4 +36,46 @@ fn the_coverage_of_any_layer_has_a_legend_and_one_that_is_hidden_says_so() {
     press(&mut window, "H");
     let shown = wait_for(&mut window, "ground is not shown: it covers nothing");
     assert!(!has_legend(&shown), "{shown:?}");
+}
+
+#[test]
+fn the_coverage_follows_strokes_and_what_is_undone_whatever_takes_longer_than_a_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let mask = "[layers.mask]\nlow = 0.4\nhigh = 0.6\n[layers.mask.brushed]\nangle = 10\n";
+    let text = SMALL
+        .replace("size = 64", "size = 1024")
+        .replace("[layers.strokes]", &format!("{mask}[layers.strokes]"));
+    let mut window = window_of(app(folder.path(), &text), vec2(1200.0, 760.0));
+    press(&mut window, "8");
+    wait_for(&mut window, "What paint covers");
+    // Steps until nothing is behind, and gives how much is covered.
+    let follow = |window: &mut Window| {
+        for _ in 0..400 {
+            window.step();
+            let state = window.state();
+            if let Some(shown) = state.canvas.overlay.whole_coverage()
+                && !state.desk.studio.is_behind()
+            {
+                let order = state.desk.studio.coverage().unwrap();
+                let values = order.carry_out(&Progress::none()).unwrap();
+                let covered = values.iter().filter(|v| **v > 0.0).count();
+                assert!(*shown == Coverage::new(shown.size(), values).unwrap());
+                return covered;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        panic!("the coverage is never whole");
+    };
+    assert_eq!(follow(&mut window), 0);
+    stroke(&mut window, (0.35, 0.5), (0.65, 0.5));
+    land(&mut window);
+    let one = follow(&mut window);
+    assert!(one > 1000, "{one}");
+    window.state_mut().desk.hand.take(ToolKind::Fill);
+    stroke(&mut window, (0.5, 0.6), (0.5, 0.6));
+    assert!(follow(&mut window) > one);
+    press(&mut window, "Ctrl+Z");
+    assert_eq!(follow(&mut window), one);
+    press(&mut window, "Ctrl+Z");
+    assert_eq!(follow(&mut window), 0);
 }
