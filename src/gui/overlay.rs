@@ -701,24 +701,28 @@ fn badge(painter: &Painter, at: Pos2, radius: f32, count: usize, halves: i32) {
     painter.text(at, Align2::CENTER_CENTER, index_text(halves), font, colour);
 }
 
-fn summary(marks: &LintMarks) -> String {
-    let marks = marks.marks();
+fn summary(lint: &LintMarks) -> String {
+    let marks = lint.marks();
     let poles = match marks.rough {
         Some(loops) => format!("a rough field: {loops} turning points"),
         None => super::messages::count(marks.poles.len(), "singular point"),
     };
     let worst = marks.seams.iter().map(|s| s.degrees).fold(0.0, f32::max);
-    let seams = if marks.seams.is_empty() {
-        "no seam jumps".to_owned()
-    } else {
-        format!("seams jump by up to {worst:.1}\u{b0}")
+    let seams = match (marks.seams.is_empty(), lint.unmarked().is_empty()) {
+        (true, true) => "no seam jumps".to_owned(),
+        (true, false) => "no seam jumps on the mesh".to_owned(),
+        (false, _) => format!("seams jump by up to {worst:.1}\u{b0}"),
     };
     let texels = if marks.texels.is_empty() {
         "no texel out of range"
     } else {
         "marked texels are out of some format's range"
     };
-    format!("{poles}; {seams}; {texels}")
+    let mut text = format!("{poles}; {seams}; {texels}");
+    for unmarked in lint.unmarked() {
+        text += &format!("; where the mesh does not show it, {unmarked}");
+    }
+    text
 }
 
 #[cfg(test)]

@@ -19,6 +19,36 @@ fn wait_for(window: &mut Window, text: &str) -> Vec<String> {
 }
 
 #[test]
+fn the_lint_view_tells_of_edges_of_the_map_that_the_mesh_does_not_show() {
+    let folder = tempfile::tempdir().unwrap();
+    let square = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\n\
+        vt 0.3 0.3\nvt 0.7 0.3\nvt 0.7 0.7\nvt 0.3 0.7\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+    std::fs::write(folder.path().join("square.obj"), square).unwrap();
+    let unseen = "where the mesh does not show it, the direction jumps by";
+    for (mesh, is_seen) in [("square.obj", false), ("plane", true)] {
+        let path = folder.path().join("rings.toml");
+        let text = format!(
+            "version = 1\nname = 'rings'\nsize = 64\nmesh = '{mesh}'\n[[layers]]\nname = 'rings'\n[layers.radial]\n"
+        );
+        std::fs::write(&path, text).unwrap();
+        let settings = Settings {
+            hint_closed: true,
+            ..Settings::default()
+        };
+        let file = RecipeFile::read(&path).unwrap();
+        let app = App::new((file, Some(path)), settings, None).unwrap();
+        let mut window = window_of(app, vec2(1200.0, 760.0));
+        press(&mut window, "9");
+        let seams = match is_seen {
+            true => "seams jump by up to",
+            false => "no seam jumps on the mesh",
+        };
+        let shown = wait_for(&mut window, seams);
+        assert_eq!(shown.iter().any(|t| t.contains(unseen)), !is_seen, "{mesh}");
+    }
+}
+
+#[test]
 fn the_coverage_of_any_layer_has_a_legend_and_one_that_is_hidden_says_so() {
     let (mut window, _folder) = window();
     press(&mut window, "8");

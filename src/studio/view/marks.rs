@@ -5,9 +5,9 @@ use super::coverage::veil;
 use super::levels::{Levels, Rows};
 use super::sampler::Sampler;
 use super::{palette, pixel_ranges};
-use crate::analyse::{Border, Marks, TexelMark};
+use crate::analyse::{Border, Marks, TexelMark, lint};
 use crate::error::Result;
-use crate::map::{AnisoMap, Rect, Size, Wrap};
+use crate::map::{AnisoMap, Mended, Rect, Size, Wrap};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
 use glam::{DVec2, Vec2};
@@ -32,6 +32,7 @@ pub struct LintMarks {
     wrap: Wrap,
     /// Shares of texels with a warning and with a note; none when no texel is marked.
     texels: Option<Levels<2>>,
+    unmarked: Vec<String>,
 }
 
 /// A pole on the canvas.
@@ -65,6 +66,19 @@ pub fn seam_colour(degrees: f32) -> [u8; 4] {
     palette::heat()[(t * (palette::COLOURS - 1) as f32) as usize]
 }
 
+fn unmarked(map: &AnisoMap, marks: &Marks) -> Vec<String> {
+    let is_marked = |code: &str| {
+        let of_map = marks.seams.iter().filter(|s| s.border == Border::Map);
+        let mut upright = of_map.map(|s| s.ends[0].x == s.ends[1].x);
+        upright.any(|upright| upright == (code == "seam-u"))
+    };
+    let found = lint(map, Mended::default()).into_iter();
+    found
+        .filter(|f| matches!(f.code, "seam-u" | "seam-v") && !is_marked(f.code))
+        .filter_map(|f| f.message.split(',').next().map(str::to_owned))
+        .collect()
+}
+
 impl LintMarks {
     /// Looks a map over, and with a mesh the borders of its charts; takes as long as a few copies of the map.
     ///
@@ -80,12 +94,21 @@ impl LintMarks {
                 marks: &marks.texels,
             })
         });
+        let unmarked = unmarked(map, &marks);
+        progress.check()?;
         Ok(Self {
             marks,
             size,
             wrap: map.wrap(),
             texels,
+            unmarked,
         })
+    }
+
+    /// Jumps of the map's own edges that [`lint`] tells of and that nothing is marked for, because the mesh does not show them:
+    /// what it says of each, as a clause.
+    pub fn unmarked(&self) -> &[String] {
+        &self.unmarked
     }
 
     /// What was found, with places in the map.
@@ -280,6 +303,40 @@ mod tests {
         // At 0, 320 and 640 pixels both ways.
         assert_eq!(centres, 9);
         assert!(found.seams(&camera).len() > 2 * alone);
+    }
+
+    #[test]
+    fn edges_that_the_mesh_keeps_away_from_are_told_and_not_marked() {
+        // The direction climbs from left to right and jumps back at the edge.
+        let size = Size::new(64, 64).unwrap();
+        let mut map = AnisoMap::constant(size, Wrap::Repeat, DEFAULT_TEXEL);
+        for i in 0..size.texels() {
+            let axis = Axis::from_degrees((i % 64) as f32);
+            map.region_mut().set(
+                i,
+                Texel {
+                    alpha_x: 0.05,
+                    alpha_y: 0.3,
+                    axis,
+                },
+            );
+        }
+        let plane = crate::mesh::builtin("plane").unwrap();
+        let mut inside = plane.clone();
+        let middle = Vec2::splat(0.5);
+        inside
+            .uvs
+            .iter_mut()
+            .for_each(|uv| *uv = middle + (*uv - middle) * 0.5);
+        let find = |mesh| LintMarks::find(&map, Some(mesh), &Progress::none()).unwrap();
+        let (whole, kept) = (find(&plane), find(&inside));
+        assert!(!whole.marks().seams.is_empty() && whole.unmarked().is_empty());
+        assert!(kept.marks().seams.is_empty());
+        let told =
+            "the direction jumps by 63.0 degrees on average where the left and right edges meet";
+        assert_eq!(kept.unmarked(), [told]);
+        let inspected = lint(&map, Mended::default());
+        assert!(inspected.iter().any(|f| f.message.starts_with(told)));
     }
 
     #[test]
