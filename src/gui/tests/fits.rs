@@ -3,7 +3,7 @@
 use super::tips::{Control, controls, node};
 use super::*;
 use crate::gui::import::{ImportDialog, look_at};
-use eframe::egui::{Rect, Shape};
+use eframe::egui::Shape;
 use std::collections::HashSet;
 
 /// Sizes of a window in points: 1440 x 900 with text of twice the size, the smallest window, a large one.

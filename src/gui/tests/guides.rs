@@ -145,14 +145,8 @@ fn a_curve_shows_the_tangents_of_one_point_and_the_history_tells_guides_apart() 
         rect.lerp_inside(vec2(0.3 + 0.4 * t, 0.4 + 0.5 * t * (1.0 - t)))
             .round()
     };
-    window.drag_at(bow(0.0));
-    window.step();
-    for i in 1..=9 {
-        window.hover_at(bow(i as f32 / 9.0));
-        window.step();
-    }
-    window.drop_at(bow(1.0));
-    window.run_steps(2);
+    let places: Vec<Pos2> = (0..=9).map(|i| bow(i as f32 / 9.0)).collect();
+    drag(&mut window, &places);
     let Shape::Curve { points, .. } = guides(&window).unwrap().guide[0].shape.clone() else {
         panic!()
     };
@@ -192,11 +186,7 @@ fn a_click_selects_handles_drag_and_delete_takes_the_guide() {
     press(&mut window, "Escape");
     assert_eq!(window.state().desk.guides.selected, None);
     // Not its middle, where the handle is that moves it.
-    let inside = rect.lerp_inside(vec2(0.42, 0.46));
-    window.drag_at(inside);
-    window.step();
-    window.drop_at(inside);
-    window.run_steps(2);
+    drag(&mut window, &[rect.lerp_inside(vec2(0.42, 0.46))]);
     assert_eq!(window.state().desk.guides.selected, Some(0));
     assert_eq!(guides(&window).unwrap(), before, "a click changes nothing");
     stroke(&mut window, (0.5, 0.5), (0.55, 0.45));
@@ -365,16 +355,13 @@ fn over_the_mesh_the_guide_tool_says_what_it_does_and_a_click_selects() {
         "{}",
         told(&window)
     );
-    window.drag_at(rect.center());
-    window.step();
-    window.drop_at(rect.center());
-    window.run_steps(2);
+    drag(&mut window, &[rect.center()]);
     assert_eq!(window.state().desk.guides.selected, Some(0));
     assert!(
         *window.state().desk.studio.recipe() == recipe,
         "it draws nothing"
     );
-    stroke_in(&mut window, rect, vec2(0.5, 0.5), vec2(0.6, 0.55));
+    stroke_in(&mut window, rect, (0.5, 0.5), (0.6, 0.55));
     assert!(*window.state().desk.studio.recipe() == recipe);
     assert!(
         window.state().desk.studio.scene().camera.eye != eye,
@@ -390,16 +377,4 @@ fn over_the_mesh_the_guide_tool_says_what_it_does_and_a_click_selects() {
         "{}",
         told(&window)
     );
-}
-
-fn stroke_in(window: &mut Window, rect: eframe::egui::Rect, from: Vec2, to: Vec2) {
-    let (from, to) = (rect.lerp_inside(from), rect.lerp_inside(to));
-    window.drag_at(from);
-    window.step();
-    for i in 1..=4 {
-        window.hover_at(from + (to - from) * (i as f32 / 4.0));
-        window.step();
-    }
-    window.drop_at(to);
-    window.run_steps(2);
 }

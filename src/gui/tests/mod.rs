@@ -24,7 +24,7 @@ use anisomap::studio::hand::ToolKind;
 use anisomap::studio::keymap::Chord;
 use anisomap::studio::settings::{Folders, Settings};
 use eframe::egui::accesskit::Role;
-use eframe::egui::{Event, Key, Modifiers, Pos2, Vec2, vec2};
+use eframe::egui::{Event, Key, Modifiers, Pos2, Rect, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use renderer::CpuRenderer;
@@ -119,24 +119,31 @@ fn hold(window: &mut Window, modifiers: Modifiers) {
 /// Drags over the canvas, from and to as parts of its sides.
 fn stroke(window: &mut Window, from: (f32, f32), to: (f32, f32)) {
     let rect = window.get_by_label("Paint canvas").rect();
-    let at = |(x, y): (f32, f32)| {
-        Pos2::new(
-            rect.left() + x * rect.width(),
-            rect.top() + y * rect.height(),
-        )
-    };
+    stroke_in(window, rect, from, to);
+}
+
+/// The same over another part of the window.
+fn stroke_in(window: &mut Window, rect: Rect, from: (f32, f32), to: (f32, f32)) {
+    let at = |(x, y): (f32, f32)| rect.lerp_inside(vec2(x, y));
     let (from, to) = (at(from), at(to));
-    window.hover_at(from);
+    let places: Vec<Pos2> = (0..=8)
+        .map(|i| from + (to - from) * (i as f32 / 8.0))
+        .collect();
+    drag(window, &places);
+}
+
+/// Drags through these places, one a frame.
+fn drag(window: &mut Window, places: &[Pos2]) {
+    window.hover_at(places[0]);
     window.step();
-    window.drag_at(from);
+    window.drag_at(places[0]);
     window.step();
-    for i in 1..=8 {
-        window.hover_at(from + (to - from) * (i as f32 / 8.0));
+    for place in &places[1..] {
+        window.hover_at(*place);
         window.step();
     }
-    window.drop_at(to);
-    window.step();
-    window.step();
+    window.drop_at(places[places.len() - 1]);
+    window.run_steps(2);
 }
 
 /// Steps until the stroke that ended is painted: on a busy machine its layer is not ready at once.
@@ -325,16 +332,10 @@ fn a_straight_drag_in_whole_pixels_lays_one_direction() {
         let rect = window.get_by_role_and_label(Role::Canvas, place).rect();
         let from = rect.lerp_inside(vec2(0.35, 0.45)).round();
         let way = vec2(150.0, 17.0);
-        window.hover_at(from);
-        window.step();
-        window.drag_at(from);
-        window.step();
-        for i in 1..=20 {
-            window.hover_at((from + way * (i as f32 / 20.0)).round());
-            window.step();
-        }
-        window.drop_at(from + way);
-        window.step();
+        let places: Vec<Pos2> = (0..=20)
+            .map(|i| (from + way * (i as f32 / 20.0)).round())
+            .collect();
+        drag(&mut window, &places);
         land(&mut window);
         let Source::Strokes(all) = &window.state().desk.studio.recipe().layers[1].source else {
             panic!()
@@ -359,13 +360,7 @@ fn ctrl_paints_the_inverse_and_shift_a_straight_line() {
     let after_first = map(&window);
     let rect = window.get_by_label("Paint canvas").rect();
     hold(&mut window, Modifiers::SHIFT);
-    let to = rect.lerp_inside(vec2(0.6, 0.7));
-    window.hover_at(to);
-    window.step();
-    window.drag_at(to);
-    window.step();
-    window.drop_at(to);
-    window.step();
+    drag(&mut window, &[rect.lerp_inside(vec2(0.6, 0.7))]);
     hold(&mut window, Modifiers::NONE);
     window.step();
     assert_eq!(strokes(&window), 2);
@@ -440,11 +435,7 @@ fn a_parameter_is_changed_with_a_bar_and_by_typing() {
     window.run_steps(2);
     let before = map(&window);
     let bar = window.get_by_label("Angle").rect();
-    window.drag_at(bar.lerp_inside(vec2(0.5, 0.5)));
-    window.step();
-    window.hover_at(bar.lerp_inside(vec2(0.75, 0.5)));
-    window.step();
-    window.drop_at(bar.lerp_inside(vec2(0.75, 0.5)));
+    stroke_in(&mut window, bar, (0.5, 0.5), (0.75, 0.5));
     settle(&mut window);
     assert_ne!(map(&window), before);
     assert_eq!(

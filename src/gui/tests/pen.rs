@@ -19,17 +19,9 @@ fn last_on_mesh(window: &Window) -> Vec<Vec3> {
 /// Drags over the 3D view through places that are parts of its sides.
 fn drag_over_mesh(window: &mut Window, places: &[(f32, f32)]) {
     let rect = window.get_by_role_and_label(Role::Canvas, "3D view").rect();
-    let at = |(x, y): (f32, f32)| rect.lerp_inside(vec2(x, y));
-    window.hover_at(at(places[0]));
-    window.step();
-    window.drag_at(at(places[0]));
-    window.step();
-    for place in &places[1..] {
-        window.hover_at(at(*place));
-        window.step();
-    }
-    window.drop_at(at(*places.last().unwrap()));
-    window.step();
+    let at = |(x, y): &(f32, f32)| rect.lerp_inside(vec2(*x, *y));
+    let places: Vec<Pos2> = places.iter().map(at).collect();
+    drag(window, &places);
     settle(window);
 }
 
@@ -65,10 +57,7 @@ fn size_is_dragged_over_the_mesh_and_the_click_that_ends_it_paints_nothing() {
         let to = from + vec2(60.0, 0.0);
         window.hover_at(to);
         window.step();
-        window.drag_at(to);
-        window.step();
-        window.drop_at(to);
-        window.step();
+        drag(&mut window, &[to]);
         settle(&mut window);
         let after = window.state().desk.hand.brush().radius;
         assert!(
@@ -118,17 +107,7 @@ fn a_size_on_the_screen_stays_when_the_view_is_zoomed() {
 #[test]
 fn a_straight_line_over_the_mesh_snaps_to_steps_of_15_degrees() {
     let (mut window, _folder) = window();
-    let rect = window.get_by_role_and_label(Role::Canvas, "3D view").rect();
-    let click = |window: &mut Window, place: (f32, f32)| {
-        let at = rect.lerp_inside(vec2(place.0, place.1));
-        window.hover_at(at);
-        window.step();
-        window.drag_at(at);
-        window.step();
-        window.drop_at(at);
-        window.step();
-        settle(window);
-    };
+    let click = |window: &mut Window, place| drag_over_mesh(window, &[place]);
     window.state_mut().desk.hand.take(ToolKind::SetAlpha);
     click(&mut window, (0.4, 0.62));
     let mut ends = Vec::new();
